@@ -1,0 +1,37 @@
+# Everything that is done in this repository is one of these commands; `make` alone lists them.
+.DEFAULT_GOAL := help
+.PHONY: help demo test build setup lint clean
+
+help:
+	@printf '%s\n' \
+	  'make demo    swing the arm three ways through real ROS 2 nodes; results in out/demo' \
+	  'make test    all tests; make test ARGS="-k ramp" for some of them' \
+	  'make lint    ruff, ruff format and mypy' \
+	  'make build   set up and build the workspace; the commands above do it by themselves' \
+	  'make clean   remove everything that these commands made' \
+	  '' \
+	  'In a shell of your own: source scripts/ros_env.bash'
+
+demo: build
+	@scripts/ros_env python demo/run_demo.py $(ARGS)
+
+test: build
+	@scripts/ros_env python -m pytest $(ARGS)
+
+build:
+	@python3 scripts/build_workspace.py
+
+setup:
+	@python3 scripts/setup_workspace.py
+
+lint: setup
+	@.venv/bin/ruff check
+	@.venv/bin/ruff format --check
+	@.venv/bin/mypy
+	@.venv/bin/mypy ros2_ws/src/fastswing_inhibitor/test
+	@.venv/bin/mypy ros2_ws/src/fastswing_planner/test
+	@.venv/bin/mypy ros2_ws/src/musashi_muscle_bridge/test
+
+clean:
+	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log out setup.log .workspace.lock
+	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -1,0 +1,177 @@
+"""The inhibition rule and the conditions that end it; without clock or I/O."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from fastswing_planner.arrays import BoolVector, Vector, frozen
+from fastswing_planner.muscle_model import MuscleModel
+from fastswing_planner.speed_index import moment_arm, speed_index
+from fastswing_planner.swing_execution import JointMeasurement
+
+
+class Reason(IntEnum):
+    """Why the inhibitor is not armed; the values are those of InhibitionStatus."""
+
+    NONE = 0
+    NEVER_ARMED = 1
+    DISARMED = 2
+    GOAL_REACHED = 3
+    TIME_LIMIT = 4
+    STALE_STATE = 5
+    STATE_JUMP = 6
+    REVERSED = 7
+    DEACTIVATED = 8
+
+
+@dataclass(frozen=True)
+class InhibitionSettings:
+    """When a swing is over; all positive.
+
+    velocity_threshold  [rad/s] norm of theta_dot below which the direction to the goal is used
+    state_timeout       [s] age of the joint state that ends it
+    goal_tolerance      [rad] norm of the distance to the goal that counts as reached
+    max_joint_speed     [rad/s] a joint that moved faster between two states has jumped
+    jump_tolerance      [rad] allowance for late messages in that comparison
+    """
+
+    velocity_threshold: float = 0.1
+    state_timeout: float = 0.05
+    goal_tolerance: float = 0.05
+    max_joint_speed: float = 20.0
+    jump_tolerance: float = 0.1
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What to inhibit now.
+
+    inhibited            shape (m,); nothing once the swing is over
+    speed_index          q [s/rad], shape (m,); NaN if not evaluated
+    direction_from_goal  the arm was too slow for its own direction
+    reason               NONE while armed
+    """
+
+    inhibited: BoolVector
+    speed_index: Vector
+    direction_from_goal: bool
+    reason: Reason
+
+
+@dataclass(frozen=True)
+class Arming:
+    """One armed swing.
+
+    goal        [rad] shape (n,)
+    threshold   C [s/rad]
+    protected   muscles that are never inhibited, shape (m,)
+    time_limit  [s]
+    start_time  [s]
+    """
+
+    goal: Vector
+    threshold: float
+    protected: BoolVector
+    time_limit: float
+    start_time: float
+
+
+class Inhibition:
+    """One decision for each joint state, while armed."""
+
+    def __init__(
+        self, model: MuscleModel, velocity_limit: Vector, settings: InhibitionSettings
+    ) -> None:
+        """Start disarmed."""
+        self._model = model
+        self._velocity_limit = velocity_limit
+        self._settings = settings
+        self._arming: Arming | None = None
+        self._last: JointMeasurement | None = None
+        self._start: Vector | None = None
+        self.reason = Reason.NEVER_ARMED
+        self.decisions = 0
+
+    @property
+    def armed(self) -> bool:
+        """Whether a swing is armed."""
+        return self._arming is not None
+
+    @property
+    def threshold(self) -> float:
+        """C [s/rad] of the armed swing; NaN if not armed."""
+        return np.nan if self._arming is None else self._arming.threshold
+
+    def arm(self, arming: Arming) -> None:
+        """Begin a swing with the next joint state."""
+        self._arming = arming
+        self._last = None
+        self._start = None
+        self.reason = Reason.NONE
+        self.decisions = 0
+
+    def disarm(self, reason: Reason) -> None:
+        """End the swing; the first reason stays."""
+        if self._arming is not None:
+            self._arming = None
+            self.reason = reason
+
+    def watch(self, now: float) -> None:
+        """End the swing at its time limit or when joint states stopped; call it often."""
+        if self._arming is None:
+            return
+        newest = self._arming.start_time if self._last is None else self._last.time
+        if now - self._arming.start_time > self._arming.time_limit:
+            self.disarm(Reason.TIME_LIMIT)
+        elif now - newest > self._settings.state_timeout:
+            self.disarm(Reason.STALE_STATE)
+
+    def decide(self, joints: JointMeasurement) -> Decision:
+        """Return what to inhibit at this joint state; ends the swing where it has to end."""
+        self.watch(joints.time)
+        arming = self._arming
+        if arming is None:
+            return self._nothing()
+        end = self._end_reason(joints, arming)
+        self._last = joints
+        if end is not Reason.NONE:
+            self.disarm(end)
+            return self._nothing()
+        self.decisions += 1
+        slow = float(np.linalg.norm(joints.velocity)) < self._settings.velocity_threshold
+        # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
+        direction = arming.goal - joints.position if slow else joints.velocity
+        arms = moment_arm(self._model.jacobian(joints.position), direction)
+        index = speed_index(arms, self._velocity_limit)
+        # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
+        inhibited = (index > arming.threshold) & ~arming.protected
+        return Decision(inhibited, index, slow, Reason.NONE)
+
+    def _nothing(self) -> Decision:
+        count = self._velocity_limit.size
+        return Decision(
+            np.zeros(count, dtype=bool), frozen(np.full(count, np.nan)), False, self.reason
+        )
+
+    def _end_reason(self, joints: JointMeasurement, arming: Arming) -> Reason:
+        settings = self._settings
+        if self._last is not None:
+            elapsed = max(joints.time - self._last.time, 0.0)
+            moved = float(np.abs(joints.position - self._last.position).max())
+            if moved > settings.max_joint_speed * elapsed + settings.jump_tolerance:
+                return Reason.STATE_JUMP
+        if self._start is None:
+            self._start = joints.position
+        remaining = arming.goal - joints.position
+        distance = float(np.linalg.norm(remaining))
+        if distance < settings.goal_tolerance:
+            return Reason.GOAL_REACHED
+        whole = arming.goal - self._start
+        # Passed: the projection on the way from start to goal lies beyond the goal.
+        if float(remaining @ whole) <= 0.0:
+            return Reason.GOAL_REACHED
+        # The velocity along the way there; noise below the threshold has no direction.
+        if float(joints.velocity @ remaining) / distance < -settings.velocity_threshold:
+            return Reason.REVERSED
+        return Reason.NONE

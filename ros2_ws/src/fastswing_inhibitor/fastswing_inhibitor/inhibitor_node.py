@@ -1,0 +1,276 @@
+"""Method 1 as a node: joint state in, current override out."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticStatus
+from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
+from fastswing_msgs.srv import ArmInhibitor
+from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
+from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
+from fastswing_planner.arrays import unique_known
+from fastswing_planner.conversion import error_code
+from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
+from fastswing_planner.parameters import Parameter
+from fastswing_planner.plan import checked_threshold, posture
+from fastswing_planner.robot import load_robot
+from fastswing_planner.state_conversion import JointStateReader, RejectionCounter
+
+_DEFAULTS = InhibitionSettings()
+
+_REASON_TEXTS = {
+    Reason.NONE: "",
+    Reason.NEVER_ARMED: "never armed",
+    Reason.DISARMED: "disarmed by the service",
+    Reason.GOAL_REACHED: "the goal was reached or passed",
+    Reason.TIME_LIMIT: "the time limit of the arming request passed",
+    Reason.STALE_STATE: "joint states stopped",
+    Reason.STATE_JUMP: "a joint moved farther between two states than it can",
+    Reason.REVERSED: "the arm moved away from the goal",
+    Reason.DEACTIVATED: "the node was deactivated",
+}
+
+TABLE = (
+    ROBOT_DESCRIPTION,
+    Parameter(
+        "lease",
+        0.05,
+        "How long the bridge keeps an override without a newer one. Longer rides over lost "
+        "messages, shorter brings the muscles back sooner when this node dies.",
+        "s",
+        0.002,
+        0.2,
+    ),
+    Parameter("max_time_limit", 5.0, "Longest time limit of an arming request.", "s", 0.1, 60.0),
+    Parameter(
+        "velocity_threshold",
+        _DEFAULTS.velocity_threshold,
+        "Below this joint speed the direction to the goal is used instead of the arm's own.",
+        "rad/s",
+        1e-3,
+        10.0,
+    ),
+    Parameter(
+        "state_timeout",
+        _DEFAULTS.state_timeout,
+        "A joint state older than this disarms.",
+        "s",
+        0.002,
+        1.0,
+    ),
+    Parameter(
+        "goal_tolerance",
+        _DEFAULTS.goal_tolerance,
+        "The goal counts as reached this near to it.",
+        "rad",
+        1e-3,
+        1.0,
+    ),
+    Parameter(
+        "max_joint_speed",
+        _DEFAULTS.max_joint_speed,
+        "A joint that moved faster between two states has jumped; that disarms.",
+        "rad/s",
+        0.1,
+        1000.0,
+    ),
+)
+
+
+class InhibitorNode(ManagedNode):
+    """Publishes `current_override` for each joint state while armed."""
+
+    def __init__(self) -> None:
+        """Declare parameters."""
+        super().__init__("inhibitor", TABLE)
+        self._rejected = RejectionCounter()
+        self._states = 0
+        self._last_end = ""
+
+    def configure(self, parameters: Mapping[str, Any]) -> None:
+        """Load the robot."""
+        self._robot = load_robot(resolve_path(parameters["robot_description"]))
+        self._max_time_limit: float = parameters["max_time_limit"]
+        self._lease = _duration(parameters["lease"])
+        model = self._robot.model
+        self._inhibition = Inhibition(
+            model,
+            self._robot.limits.velocity,
+            InhibitionSettings(
+                velocity_threshold=parameters["velocity_threshold"],
+                state_timeout=parameters["state_timeout"],
+                goal_tolerance=parameters["goal_tolerance"],
+                max_joint_speed=parameters["max_joint_speed"],
+            ),
+        )
+        self._reader = JointStateReader(model.joint_names)
+
+    def activate(self) -> None:
+        """Listen to joint states and offer the services."""
+        newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
+        self._override = self.create_publisher(CurrentOverride, "current_override", newest)
+        self._status = self.create_publisher(InhibitionStatus, "inhibition_status", 10)
+        self._subscription = self.create_subscription(
+            JointState, "joint_states", self.guarded(self._on_joint_state), qos_profile_sensor_data
+        )
+        self._arm_service = self.create_service(
+            ArmInhibitor, "arm_inhibitor", self.guarded(self._on_arm)
+        )
+        self._disarm_service = self.create_service(
+            Trigger, "disarm_inhibitor", self.guarded(self._on_disarm)
+        )
+        self._watch_timer = self.create_steady_timer(0.01, self._on_watch)
+
+    def deactivate(self) -> None:
+        """Release all muscles and withdraw the services."""
+        self._end(Reason.DEACTIVATED)
+        self.destroy_subscription(self._subscription)
+        self.destroy_timer(self._watch_timer)
+        self.destroy_service(self._arm_service)
+        self.destroy_service(self._disarm_service)
+        self.destroy_publisher(self._override)
+        self.destroy_publisher(self._status)
+
+    def _on_joint_state(self, message: JointState) -> None:
+        self._states += 1
+        if not self._inhibition.armed:
+            return
+        try:
+            joints = self._reader.read(message, self.monotonic())
+        except InvalidRequest as error:
+            self._rejected.count(error)
+            return
+        decision = self._inhibition.decide(joints)
+        muscles = self._robot.model.muscle_names
+        inhibited = [muscles[index] for index in np.flatnonzero(decision.inhibited)]
+        self._override.publish(
+            CurrentOverride(header=message.header, name=inhibited, lease=self._lease)
+        )
+        self._status.publish(
+            InhibitionStatus(
+                header=message.header,
+                armed=self._inhibition.armed,
+                reason=int(decision.reason),
+                reason_text=_REASON_TEXTS[decision.reason],
+                threshold=self._inhibition.threshold,
+                name=muscles,
+                speed_index=decision.speed_index.tolist(),
+                inhibited=inhibited,
+                direction_from_goal=decision.direction_from_goal,
+                decisions=self._inhibition.decisions,
+            )
+        )
+        if not self._inhibition.armed:
+            self._report_end()
+
+    def _on_watch(self) -> None:
+        if not self._inhibition.armed:
+            return
+        self._inhibition.watch(self.monotonic())
+        if not self._inhibition.armed:
+            self._publish_end()
+
+    def _end(self, reason: Reason) -> None:
+        if self._inhibition.armed:
+            self._inhibition.disarm(reason)
+            self._publish_end()
+
+    def _publish_end(self) -> None:
+        header = Header(stamp=self.get_clock().now().to_msg())
+        self._override.publish(CurrentOverride(header=header, name=[], lease=self._lease))
+        self._status.publish(self._resting_status(header))
+        self._report_end()
+
+    def _resting_status(self, header: Header) -> InhibitionStatus:
+        reason = self._inhibition.reason
+        muscles = self._robot.model.muscle_names
+        return InhibitionStatus(
+            header=header,
+            armed=self._inhibition.armed,
+            reason=int(reason),
+            reason_text=_REASON_TEXTS[reason],
+            threshold=self._inhibition.threshold,
+            name=muscles,
+            speed_index=[np.nan] * len(muscles),
+            decisions=self._inhibition.decisions,
+        )
+
+    def _report_end(self) -> None:
+        self._last_end = _REASON_TEXTS[self._inhibition.reason]
+        self.get_logger().info(
+            f"disarmed after {self._inhibition.decisions} decisions: {self._last_end}"
+        )
+
+    def _on_arm(
+        self, request: ArmInhibitor.Request, response: ArmInhibitor.Response
+    ) -> ArmInhibitor.Response:
+        response.error_code = ErrorCode.INTERNAL
+        response.error_string = "defect in the inhibitor, see its log"
+        if self._inhibition.armed:
+            response.error_code = ErrorCode.BUSY
+            response.error_string = "armed already: disarm it or wait until its swing is over"
+            return response
+        try:
+            arming = self._arming(request)
+        except PlannerError as error:
+            response.error_code = error_code(error)
+            response.error_string = str(error)
+            return response
+        self._inhibition.arm(arming)
+        self._status.publish(self._resting_status(Header(stamp=self.get_clock().now().to_msg())))
+        self.get_logger().info(f"armed for at most {arming.time_limit:g} s")
+        response.error_code = ErrorCode.SUCCESS
+        response.error_string = ""
+        return response
+
+    def _arming(self, request: ArmInhibitor.Request) -> Arming:
+        model = self._robot.model
+        time_limit = request.time_limit.sec + request.time_limit.nanosec * 1e-9
+        if not 0.0 < time_limit <= self._max_time_limit:
+            raise InvalidLimit(
+                f"time_limit is {time_limit:g} s, expected more than 0 and at most "
+                f"{self._max_time_limit:g} s"
+            )
+        protected = np.zeros(len(model.muscle_names), dtype=bool)
+        protected[unique_known("muscle", request.kept_muscle, model.muscle_names)] = True
+        return Arming(
+            goal=posture("goal_position", model, request.joint_name, request.goal_position),
+            threshold=checked_threshold(request.threshold),
+            protected=protected,
+            time_limit=time_limit,
+            start_time=self.monotonic(),
+        )
+
+    def _on_disarm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        response.success = True
+        response.message = "disarmed" if self._inhibition.armed else "was not armed"
+        self._end(Reason.DISARMED)
+        return response
+
+    def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
+        """Report arming, rate and rejections."""
+        values: dict[str, object] = {"joint_states": self._states, "last_end": self._last_end}
+        if self.is_active:
+            values["armed"] = self._inhibition.armed
+            values["decisions"] = self._inhibition.decisions
+        values |= self._rejected.counts
+        if self._rejected.last:
+            return DiagnosticStatus.WARN, f"rejected: {self._rejected.last}", values
+        return DiagnosticStatus.OK, "ok", values
+
+
+def _duration(seconds: float) -> Duration:
+    whole = int(seconds)
+    return Duration(sec=whole, nanosec=round((seconds - whole) * 1e9))
+
+
+def main() -> int:
+    """Run the node."""
+    return run(InhibitorNode)

@@ -1,0 +1,103 @@
+"""Everything that can be wrong with a plan or a swing.
+
+Each class carries the name of its `fastswing_msgs/ErrorCode` constant, so that the same
+exception becomes the same code on the service, on the action and in the log.
+"""
+
+from typing import ClassVar
+
+
+class PlannerError(Exception):
+    """Root of all errors of this package."""
+
+    code_name: ClassVar[str] = "INTERNAL"
+
+
+class InvalidRequest(PlannerError, ValueError):
+    """The request itself is wrong: nothing was computed."""
+
+
+class NotFinite(InvalidRequest):
+    """A NaN or an infinity where a number is needed."""
+
+    code_name = "NOT_FINITE"
+
+
+class WrongLength(InvalidRequest):
+    """An array of the wrong length."""
+
+    code_name = "WRONG_LENGTH"
+
+
+class UnknownName(InvalidRequest):
+    """A joint, muscle or body that the robot does not have."""
+
+    code_name = "UNKNOWN_NAME"
+
+
+class DuplicateName(InvalidRequest):
+    """The same name twice."""
+
+    code_name = "DUPLICATE_NAME"
+
+
+class OutOfRange(InvalidRequest):
+    """A joint angle outside the joint's range."""
+
+    code_name = "OUT_OF_RANGE"
+
+
+class StartEqualsEnd(InvalidRequest):
+    """There is nothing to swing."""
+
+    code_name = "START_EQUALS_END"
+
+
+class InvalidLimit(InvalidRequest):
+    """A limit, step, tolerance, weight or duration that makes no sense."""
+
+    code_name = "INVALID_LIMIT"
+
+
+class UnknownMethod(InvalidRequest):
+    """Not one of the methods."""
+
+    code_name = "UNKNOWN_METHOD"
+
+
+class RobotDescriptionError(PlannerError):
+    """A robot's MJCF or YAML cannot be used; the text names file, key and remedy."""
+
+    code_name = "NOT_READY"
+
+
+class SolverFailed(PlannerError):
+    """A QP that has a solution was not solved."""
+
+    code_name = "SOLVER_FAILED"
+
+
+class HoldingInfeasible(PlannerError):
+    """No tension within the limits holds the posture."""
+
+    code_name = "HOLDING_INFEASIBLE"
+
+
+class HoldingUndecided(SolverFailed):
+    """The solver reached its iteration limit: not a "no"."""
+
+    code_name = "HOLDING_UNDECIDED"
+
+
+class SwingBlocked(PlannerError):
+    """The simulated swing stops short of its end."""
+
+    code_name = "SWING_BLOCKED"
+
+
+class SwingAborted(PlannerError):
+    """A running swing had to stop; `code_name` says why."""
+
+    def __init__(self, code_name: str, text: str) -> None:
+        super().__init__(text)
+        self.code_name = code_name  # type: ignore[misc]  # an instance's own code

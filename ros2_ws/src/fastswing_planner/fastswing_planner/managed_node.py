@@ -1,0 +1,266 @@
+"""The frame of every node: parameter table, lifecycle with autostart, diagnostics, clean end."""
+
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.experimental import EventsExecutor
+from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+
+from fastswing_planner.errors import PlannerError, RobotDescriptionError
+from fastswing_planner.parameters import Parameter, check_all
+
+AUTOSTART = Parameter(
+    "autostart", True, "Configure and activate at start; false: wait for a lifecycle manager."
+)
+ROBOT_DESCRIPTION = Parameter(
+    "robot_description",
+    "package://musashi_muscle_bridge/description/musashi_left_arm.yaml",
+    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH.",
+)
+
+_SPIN_SLICE_SEC = 0.1
+_DIAGNOSTICS_PERIOD_SEC = 1.0
+
+
+def resolve_path(uri: str) -> Path:
+    """Return the file that a path or `package://PACKAGE/PATH` names.
+
+    Raises RobotDescriptionError if the package is not installed.
+    """
+    if not uri.startswith("package://"):
+        return Path(uri).expanduser()
+    package, _, inner = uri.removeprefix("package://").partition("/")
+    try:
+        return Path(get_package_share_directory(package)) / inner
+    except (PackageNotFoundError, ValueError) as error:
+        raise RobotDescriptionError(
+            f"{uri}: package '{package}' is not installed; source its workspace, or give a path"
+        ) from error
+
+
+class ManagedNode(LifecycleNode):
+    """A lifecycle node that declares its table, reports diagnostics and survives its errors.
+
+    Subclasses fill in `configure`, `activate`, `deactivate`, `cleanup` and `diagnose`. What
+    `configure` creates is destroyed in `cleanup`.
+    """
+
+    def __init__(self, name: str, table: Sequence[Parameter]) -> None:
+        """Declare `table`; raises InvalidParameterTypeException for an override of other type."""
+        super().__init__(name)
+        self.is_active = False
+        self._table = (AUTOSTART, *table)
+        self._callback_errors = 0
+        for row in self._table:
+            self.declare_parameter(
+                row.name,
+                row.default,
+                ParameterDescriptor(
+                    description=row.description,
+                    additional_constraints=row.range_text,
+                ),
+            )
+        self.add_on_set_parameters_callback(self._judge_parameters)
+        self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics_timer = self.create_steady_timer(
+            _DIAGNOSTICS_PERIOD_SEC, self.publish_diagnostics
+        )
+
+    # What subclasses fill in.
+
+    def configure(self, parameters: Mapping[str, Any]) -> None:
+        """Read files, create topics and services; raise PlannerError to refuse."""
+
+    def activate(self) -> None:
+        """Start working; raise PlannerError to refuse."""
+
+    def deactivate(self) -> None:
+        """Stop working; must leave the robot safe and must not raise."""
+
+    def cleanup(self) -> None:
+        """Destroy what `configure` created."""
+
+    def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
+        """Return level (DiagnosticStatus), summary and values."""
+        return DiagnosticStatus.OK, "ok", {}
+
+    def parameters_changed(self, parameters: Mapping[str, Any]) -> None:
+        """Apply checked values of parameters that may change at run time."""
+
+    # Parameters.
+
+    def parameter_values(self) -> dict[str, Any]:
+        """Return the checked values of the whole table; raises InvalidParameter."""
+        return check_all(
+            self._table, {row.name: self.get_parameter(row.name).value for row in self._table}
+        )
+
+    def _judge_parameters(self, changes: list[RosParameter]) -> SetParametersResult:
+        rows = {row.name: row for row in self._table}
+        for change in changes:
+            row = rows.get(change.name)
+            if row is None:
+                continue
+            try:
+                row.check(change.value)
+            except PlannerError as error:
+                return SetParametersResult(successful=False, reason=str(error))
+            if row.read_only and self.is_active:
+                reason = f"{row.name} takes effect at configuration: deactivate and clean up first"
+                return SetParametersResult(successful=False, reason=reason)
+        return SetParametersResult(successful=True)
+
+    # Lifecycle.
+
+    def on_configure(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle transition; see `configure`."""
+        return self._transition("configure", lambda: self.configure(self.parameter_values()))
+
+    def on_activate(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle transition; see `activate`."""
+        result = self._transition("activate", self.activate)
+        self.is_active = result is TransitionCallbackReturn.SUCCESS
+        return result
+
+    def on_deactivate(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle transition; see `deactivate`."""
+        self.is_active = False
+        return self._transition("deactivate", self.deactivate)
+
+    def on_cleanup(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle transition; see `cleanup`."""
+        return self._transition("clean up", self.cleanup)
+
+    def on_shutdown(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle transition; ends like SIGTERM."""
+        self.stop_working()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_error(self, state: State) -> TransitionCallbackReturn:
+        """Lifecycle transition; back to unconfigured."""
+        self.stop_working()
+        return TransitionCallbackReturn.SUCCESS
+
+    def stop_working(self) -> None:
+        """Leave the robot safe, whatever state the node is in."""
+        if self.is_active:
+            self.is_active = False
+            self._transition("deactivate", self.deactivate)
+
+    def _transition(self, verb: str, action: Callable[[], None]) -> TransitionCallbackReturn:
+        try:
+            action()
+        except PlannerError as error:
+            self.get_logger().error(f"cannot {verb}: {error}")
+            return TransitionCallbackReturn.FAILURE
+        except Exception:
+            self.get_logger().error(f"cannot {verb}:\n{traceback.format_exc()}")
+            return TransitionCallbackReturn.ERROR
+        return TransitionCallbackReturn.SUCCESS
+
+    def autostart(self) -> bool:
+        """Configure and activate if the parameter says so; False if that failed."""
+        if not self.get_parameter(AUTOSTART.name).value:
+            return True
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() is not TransitionCallbackReturn.SUCCESS:
+                return False
+        self.get_logger().info("active")
+        return True
+
+    # Callbacks, timers, time.
+
+    def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return `callback` so that an exception in it is logged and counted, not fatal."""
+
+        def call(*arguments: Any) -> Any:  # noqa: ANN401  # whatever the callback takes
+            try:
+                return callback(*arguments)
+            except Exception:
+                self._callback_errors += 1
+                self.get_logger().error(
+                    f"defect in {callback.__qualname__}:\n{traceback.format_exc()}",
+                    throttle_duration_sec=1.0,
+                )
+                return arguments[-1] if len(arguments) == 2 else None  # a service's response
+
+        return call
+
+    def create_steady_timer(self, period_sec: float, callback: Callable[[], None]) -> rclpy.timer.Timer:
+        """Create a timer on the monotonic clock, which no time source can stop or jump."""
+        return self.create_timer(period_sec, self.guarded(callback), clock=self._steady_clock)
+
+    def monotonic(self) -> float:
+        """Return the monotonic time [s]."""
+        return time.monotonic()
+
+    # Diagnostics.
+
+    def publish_diagnostics(self) -> None:
+        """Publish this node's status in the standard form."""
+        level, summary, values = self.diagnose()
+        if self._callback_errors:
+            level, summary = DiagnosticStatus.ERROR, "defect in a callback, see the log"
+        values = {"active": self.is_active, "callback_errors": self._callback_errors, **values}
+        status = DiagnosticStatus(
+            level=level,
+            name=self.get_fully_qualified_name().lstrip("/"),
+            message=summary,
+            hardware_id="",
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+        message = DiagnosticArray(status=[status])
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(message)
+
+
+def spin(node: ManagedNode, stop: Future) -> None:
+    """Spin until `stop` is done; signals are noticed at least every _SPIN_SLICE_SEC."""
+    executor = EventsExecutor()
+    executor.add_node(node)
+    # EventsExecutor.spin() without a timeout livelocks in rclpy 7.1.
+    while not stop.done():
+        executor.spin_until_future_complete(stop, timeout_sec=_SPIN_SLICE_SEC)
+
+
+def run(node_class: Callable[[], ManagedNode]) -> int:
+    """Run a node until SIGINT or SIGTERM; returns 0, or 2 if it could not start."""
+    # The context must outlive the signal, so that a node can publish its last word.
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    stop = Future()
+
+    def on_signal(_signal: int, _frame: FrameType | None) -> None:
+        if not stop.done():
+            stop.set_result(None)
+
+    signal.signal(signal.SIGINT, on_signal)
+    signal.signal(signal.SIGTERM, on_signal)
+    try:
+        node = node_class()
+    except Exception as error:
+        print(f"cannot start: {error}", file=sys.stderr)
+        rclpy.shutdown()
+        return 2
+    started = node.autostart()
+    if started:
+        spin(node, stop)
+    node.stop_working()
+    node.destroy_node()
+    rclpy.shutdown()
+    return 0 if started else 2
+

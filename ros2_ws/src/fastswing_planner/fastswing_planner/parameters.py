@@ -1,0 +1,61 @@
+"""One table for each node's parameters: it declares, validates and documents them."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from fastswing_planner.errors import InvalidRequest
+
+
+class InvalidParameter(InvalidRequest):
+    """A parameter value outside its table's type, range or choices."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of a node's parameter table.
+
+    default      also fixes the type: bool, int, float, str or list of str
+    low, high    range of a number, both ends included
+    choices      allowed texts
+    unit         empty for texts, counts and switches
+    read_only    True: takes effect only when the node is configured
+    """
+
+    name: str
+    default: Any
+    description: str
+    unit: str = ""
+    low: float = -math.inf
+    high: float = math.inf
+    choices: Sequence[str] = ()
+    read_only: bool = True
+
+    @property
+    def range_text(self) -> str:
+        """The valid values, for people."""
+        if self.choices:
+            return ", ".join(self.choices)
+        if math.isinf(self.low) and math.isinf(self.high):
+            return ""
+        return f"{self.low:g} to {self.high:g} {self.unit}".rstrip()
+
+    def check(self, value: Any) -> Any:
+        """Return `value`, or raise InvalidParameter naming the parameter and its valid values."""
+        expected = type(self.default)
+        if expected is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if not isinstance(value, expected):
+            raise InvalidParameter(f"{self.name} is {value!r}, expected {expected.__name__}")
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if not self.low <= value <= self.high:  # also false for NaN
+                raise InvalidParameter(f"{self.name} is {value}, expected {self.range_text}")
+        if self.choices and value not in self.choices:
+            raise InvalidParameter(f"{self.name} is '{value}', choose from: {self.range_text}")
+        return value
+
+
+def check_all(table: Sequence[Parameter], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the checked values of a whole table; raises InvalidParameter for the first wrong."""
+    return {row.name: row.check(values[row.name]) for row in table}

@@ -1,0 +1,329 @@
+"""Records topics into an MCAP bag.
+
+ros2 run fastswing_planner record --ros-args -p output:=PATH.mcap
+"""
+
+import inspect
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.exceptions import NameValidationException
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.validate_topic_name import validate_topic_name
+
+from fastswing_planner.bag_metadata import BagTopic, OfferedQos
+from fastswing_planner.bag_writer import COMPRESSIONS, BagError, BagWriter, check_path
+from fastswing_planner.errors import DuplicateName, UnknownName
+from fastswing_planner.managed_node import ManagedNode, run
+from fastswing_planner.message_definition import (
+    UnknownMessageType,
+    definition_text,
+    split_type_name,
+    type_hash,
+)
+from fastswing_planner.parameters import InvalidParameter, Parameter
+
+_QUEUE_DEPTH = 1000
+
+TYPES = {
+    "joint_states": "sensor_msgs/msg/JointState",
+    "muscle_state": "fastswing_msgs/msg/MuscleState",
+    "length_command": "fastswing_msgs/msg/LengthCommand",
+    "tension_command": "fastswing_msgs/msg/TensionCommand",
+    "current_command": "fastswing_msgs/msg/CurrentCommand",
+    "current_override": "fastswing_msgs/msg/CurrentOverride",
+    "inhibition_status": "fastswing_msgs/msg/InhibitionStatus",
+    "swing_plan": "fastswing_msgs/msg/SwingPlan",
+    "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
+}
+LATCHED = frozenset({"swing_plan"})
+
+TABLE = (
+    Parameter("output", "", "The new .mcap file; an existing one is never overwritten."),
+    Parameter(
+        "topics",
+        [*(name for name in TYPES if name != "diagnostics"), "/diagnostics"],
+        "What is recorded: names of the suite's topics, in any namespace, or 'NAME TYPE'.",
+    ),
+    Parameter("compression", "zstd", "Of each chunk.", choices=tuple(COMPRESSIONS)),
+    Parameter(
+        "chunk_size", 256 * 1024, "A chunk is written when it is larger.", "bytes", 1024, 2**26
+    ),
+    Parameter(
+        "flush_period", 0.5, "A chunk is written at the latest after this time.", "s", 0.01, 60.0
+    ),
+)
+
+
+@dataclass
+class _Recorded:
+    """One recorded topic on its way; `subscription` None: not subscribed yet."""
+
+    topic: BagTopic
+    message_class: type
+    qos: QoSProfile
+    subscription: Subscription | None = None
+    publishers: int = 0
+    messages: int = 0
+    bytes: int = 0
+    lost: int = 0
+    sequence: int = 0
+
+    def count(self, size: int, sequence: int) -> None:
+        """Count a message; a single publisher's missing sequence numbers were lost."""
+        if self.publishers == 1 and 0 < self.sequence < sequence:
+            self.lost += sequence - self.sequence - 1
+        self.sequence = sequence
+        self.messages += 1
+        self.bytes += size
+
+
+class _WithInfo:
+    """Makes rclpy pass the message information along.
+
+    EventsExecutor of rclpy 7.1 passes message and information as one tuple, every other executor
+    as two arguments.
+    """
+
+    __signature__ = inspect.signature(lambda data, info: None)
+
+    def __init__(self, handle: Callable[[bytes, Mapping[str, Any]], None]) -> None:
+        self._handle = handle
+
+    def __call__(self, *arguments: Any) -> None:
+        data, info = arguments if len(arguments) == 2 else arguments[0]
+        self._handle(data, info)
+
+
+def message_class(type_name: str) -> type:
+    """Return the Python class of 'package/msg/Name'; raises UnknownMessageType."""
+    package, name = split_type_name(type_name)
+    try:
+        found: type = getattr(import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise UnknownMessageType(f"message '{type_name}' is not installed") from error
+    return found
+
+
+def offered_qos(profile: QoSProfile) -> OfferedQos:
+    """Return a publisher's QoS in rosbag2's words."""
+    return OfferedQos(
+        history=profile.history.name.lower(),
+        depth=profile.depth,
+        reliability=profile.reliability.name.lower(),
+        durability=profile.durability.name.lower(),
+        deadline_ns=profile.deadline.nanoseconds,
+        lifespan_ns=profile.lifespan.nanoseconds,
+        liveliness=profile.liveliness.name.lower(),
+        liveliness_lease_ns=profile.liveliness_lease_duration.nanoseconds,
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
+    )
+
+
+def _qos_for(name: str) -> QoSProfile:
+    if name in LATCHED:
+        return QoSProfile(
+            depth=1,
+            reliability=ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        )
+    # Best effort hears every publisher and never makes one wait.
+    return QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def _parse(entry: str) -> tuple[str, str]:
+    """Return name and type of an entry of the parameter `topics`."""
+    name, _, type_name = entry.strip().partition(" ")
+    type_name = type_name.strip() or TYPES.get(name.rpartition("/")[2], "")
+    if not type_name:
+        raise UnknownName(
+            f"the type of topic '{name}' is not known: write '{name} PACKAGE/msg/TYPE', "
+            f"or choose from: {', '.join(TYPES)}"
+        )
+    return name, type_name
+
+
+class RecordNode(ManagedNode):
+    """Active means: subscribed, and the file is open. Deactivated, the file is finished."""
+
+    def __init__(self) -> None:
+        """Declare parameters."""
+        super().__init__("recorder", TABLE)
+        self._recorded: list[_Recorded] = []
+        self._bag: BagWriter | None = None
+        self._failure = ""
+
+    def configure(self, parameters: Mapping[str, Any]) -> None:
+        """Look up all types and judge the output, before anything is created."""
+        if not parameters["output"]:
+            raise InvalidParameter("set the parameter output to the new .mcap file")
+        self._output = Path(parameters["output"]).expanduser()
+        check_path(self._output)
+        self._compression: str = parameters["compression"]
+        self._chunk_size: int = parameters["chunk_size"]
+        self._recorded = [self._look_up(*_parse(entry)) for entry in parameters["topics"]]
+        names = [recorded.topic.name for recorded in self._recorded]
+        for name in names:
+            if names.count(name) > 1:
+                raise DuplicateName(f"topic {name} is named more than once in topics")
+        self._flush_timer = self.create_steady_timer(parameters["flush_period"], self._on_timer)
+
+    def _look_up(self, name: str, type_name: str) -> _Recorded:
+        try:
+            validate_topic_name(name)
+            full_name = self.resolve_topic_name(name)
+        except NameValidationException as error:
+            raise UnknownName(f"'{name}' is no topic name: {error}") from error
+        full_type = "/msg/".join(split_type_name(type_name))
+        topic = BagTopic(full_name, full_type, definition_text(type_name))
+        return _Recorded(topic, message_class(type_name), _qos_for(name.rpartition("/")[2]))
+
+    def cleanup(self) -> None:
+        """Forget the topics."""
+        self.destroy_timer(self._flush_timer)
+        self._recorded = []
+
+    def activate(self) -> None:
+        """Create the file and subscribe."""
+        distro = os.environ.get("ROS_DISTRO", "jazzy")
+        self._bag = BagWriter(self._output, self._compression, self._chunk_size, distro)
+        self._failure = ""
+        for recorded in self._recorded:
+            self._subscribe(recorded)
+
+    def _subscribe(self, recorded: _Recorded) -> None:
+        recorded.messages = recorded.bytes = recorded.lost = recorded.sequence = 0
+
+        def handle(data: bytes, info: Mapping[str, Any]) -> None:
+            self._on_message(recorded, data, info)
+
+        recorded.subscription = self.create_subscription(
+            recorded.message_class,
+            recorded.topic.name,
+            _WithInfo(self.guarded(handle)),
+            recorded.qos,
+            raw=True,
+        )
+
+    def deactivate(self) -> None:
+        """Record what has arrived, unsubscribe, and finish the file."""
+        try:
+            for recorded in self._recorded:
+                self._drain(recorded)
+                self.destroy_subscription(recorded.subscription)
+                recorded.subscription = None
+        finally:
+            self._close()
+
+    def _close(self) -> None:
+        bag, self._bag = self._bag, None
+        if bag is None:
+            return
+        try:
+            bag.close()
+        except BagError as error:
+            self._failed(error)
+        else:
+            self.get_logger().info(f"{bag.message_count} messages recorded in {bag.path}")
+
+    def _drain(self, recorded: _Recorded) -> None:
+        """Record what waits in the subscription's queue."""
+        assert recorded.subscription is not None
+        handle = recorded.subscription.handle
+        with handle:
+            for _ in range(_QUEUE_DEPTH):
+                waiting = handle.take_message(recorded.message_class, True)
+                if waiting is None:
+                    return
+                self._on_message(recorded, *waiting)
+
+    # Messages.
+
+    def _on_message(self, recorded: _Recorded, data: bytes, info: Mapping[str, Any]) -> None:
+        if self._bag is None:
+            return
+        try:
+            if recorded.topic.name not in self._bag.topics:
+                self._announce(self._bag, recorded)
+            log_time, publish_time = self._times(info)
+            sequence = info.get("publication_sequence_number") or 0
+            self._bag.write(recorded.topic.name, data, log_time, publish_time, sequence)
+        except BagError as error:
+            self._failed(error)
+            return
+        recorded.count(len(data), sequence)
+
+    def _times(self, info: Mapping[str, Any]) -> tuple[int, int]:
+        """Return when a message was received and published [ns]."""
+        clock = self.get_clock()
+        if clock.ros_time_is_active:
+            now = clock.now().nanoseconds
+            return now, now
+        received = info["received_timestamp"] or clock.now().nanoseconds
+        return received, info["source_timestamp"] or received
+
+    def _announce(self, bag: BagWriter, recorded: _Recorded) -> None:
+        """Add the topic to the bag, with what its publishers say of themselves."""
+        topic = recorded.topic
+        publishers = self.get_publishers_info_by_topic(topic.name)
+        recorded.publishers = len(publishers)
+        profiles = [publisher.qos_profile for publisher in publishers] or [recorded.qos]
+        hashes = [str(publisher.topic_type_hash) for publisher in publishers]
+        bag.add_topic(
+            replace(
+                topic,
+                offered_qos=tuple(offered_qos(profile) for profile in profiles),
+                type_hash=hashes[0] if hashes else type_hash(topic.type_name),
+            )
+        )
+
+    def _on_timer(self) -> None:
+        if self._failure and self.is_active:
+            self.trigger_deactivate()
+        elif self._bag is not None:
+            try:
+                self._bag.flush()
+            except BagError as error:
+                self._failed(error)
+
+    def _failed(self, error: BagError) -> None:
+        self._bag = None
+        self._failure = str(error)
+        self.get_logger().error(f"recording stopped: {error}")
+
+    # Diagnostics.
+
+    def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
+        """Report what was recorded and what was lost."""
+        values: dict[str, object] = {
+            "output": self.get_parameter("output").value,
+            "messages": sum(recorded.messages for recorded in self._recorded),
+            "bytes": sum(recorded.bytes for recorded in self._recorded),
+            "lost": sum(recorded.lost for recorded in self._recorded),
+            "size": self._bag.size if self._bag is not None else 0,
+        }
+        for recorded in self._recorded:
+            if recorded.subscription is not None:
+                recorded.publishers = self.count_publishers(recorded.topic.name)
+            values[f"publishers {recorded.topic.name}"] = recorded.publishers
+            values[f"messages {recorded.topic.name}"] = recorded.messages
+        if self._failure:
+            return DiagnosticStatus.ERROR, self._failure, values
+        if values["lost"]:
+            return DiagnosticStatus.WARN, "messages were lost on the way here", values
+        return DiagnosticStatus.OK, "ok", values
+
+
+def main() -> int:
+    """Run the node."""
+    return run(RecordNode)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

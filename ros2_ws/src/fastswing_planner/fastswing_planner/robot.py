@@ -1,0 +1,136 @@
+"""A robot's description: an MJCF file, and a YAML file with what an MJCF cannot say."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from fastswing_planner.arrays import Vector, finite_vector
+from fastswing_planner.errors import InvalidRequest, RobotDescriptionError
+from fastswing_planner.limits import MuscleLimits, muscle_limits
+from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
+
+_REQUIRED = (
+    "mjcf",
+    "joints",
+    "muscles",
+    "velocity_limit",
+    "acceleration_limit",
+    "tension_min",
+    "tension_max",
+    "tension_limit",
+    "current_limit",
+    "wire_stiffness",
+    "payload_body",
+    "postures",
+)
+_OPTIONAL = ("plant",)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One arm.
+
+    mjcf            the MJCF file
+    model           kinematics and statics of the chosen joints and muscles
+    limits          what plans may use
+    tension_limit   [N] the boards pay out above it, shape (m,)
+    current_limit   [A] shape (m,)
+    wire_stiffness  [N/m] of wire and series elasticity, shape (m,)
+    payload_body    the body that carries a payload unless a request names another
+    postures        named postures [rad], each shape (n,)
+    plant           physical constants of the mock arm; not used on a robot
+    """
+
+    path: Path
+    mjcf: Path
+    model: MujocoMuscleModel
+    limits: MuscleLimits
+    tension_limit: Vector
+    current_limit: Vector
+    wire_stiffness: Vector
+    payload_body: str
+    postures: Mapping[str, Vector]
+    plant: Mapping[str, Any]
+
+
+def load_robot(path: Path) -> Robot:
+    """Read a robot's YAML file and the MJCF beside it.
+
+    Raises RobotDescriptionError naming file, key, value and remedy.
+    """
+    try:
+        content = yaml.safe_load(path.read_text())
+    except FileNotFoundError as error:
+        raise RobotDescriptionError(
+            f"{path}: no such file; set robot_description to the YAML file of your robot"
+        ) from error
+    except (OSError, yaml.YAMLError) as error:
+        raise RobotDescriptionError(f"{path}: not a readable YAML file: {error}") from error
+    if not isinstance(content, dict):
+        raise RobotDescriptionError(f"{path}: expected a mapping with {', '.join(_REQUIRED)}")
+    for key in _REQUIRED:
+        if key not in content:
+            raise RobotDescriptionError(f"{path}: key '{key}' is missing")
+    for key in content:
+        if key not in _REQUIRED + _OPTIONAL:
+            raise RobotDescriptionError(
+                f"{path}: unknown key '{key}', choose from: {', '.join(_REQUIRED + _OPTIONAL)}"
+            )
+    try:
+        return _build(path, content)
+    except (InvalidRequest, RobotDescriptionError) as error:
+        raise RobotDescriptionError(f"{path}: {error}") from error
+
+
+def _build(path: Path, content: dict[str, Any]) -> Robot:
+    mjcf = path.parent / str(content["mjcf"])
+    joints = _names(content, "joints")
+    muscles = _names(content, "muscles")
+    model = MujocoMuscleModel(load_mjcf(mjcf), joints, muscles)
+
+    if not isinstance(content["postures"], dict):
+        raise RobotDescriptionError("key 'postures' must map names to lists of angles [rad]")
+    return Robot(
+        path=path,
+        mjcf=mjcf,
+        model=model,
+        limits=muscle_limits(
+            muscles,
+            content["velocity_limit"],
+            content["acceleration_limit"],
+            content["tension_min"],
+            content["tension_max"],
+        ),
+        tension_limit=_positive(content, "tension_limit", muscles),
+        current_limit=_positive(content, "current_limit", muscles),
+        wire_stiffness=_positive(content, "wire_stiffness", muscles),
+        payload_body=str(content["payload_body"]),
+        postures={
+            str(name): finite_vector(f"posture '{name}'", angles, joints)
+            for name, angles in content["postures"].items()
+        },
+        plant=content.get("plant", {}),
+    )
+
+
+def _names(content: dict[str, Any], key: str) -> tuple[str, ...]:
+    names = content[key]
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise RobotDescriptionError(f"key '{key}' is {names!r}, expected a list of names")
+    return tuple(names)
+
+
+def _positive(content: dict[str, Any], key: str, muscles: tuple[str, ...]) -> Vector:
+    value = content[key]
+    values = value if isinstance(value, list) else [value] * len(muscles)
+    try:
+        vector = finite_vector(f"key '{key}'", values, muscles)
+    except (TypeError, ValueError) as error:
+        raise RobotDescriptionError(f"key '{key}' is {value!r}: {error}") from error
+    if not np.all(vector > 0):
+        raise RobotDescriptionError(f"key '{key}' is {value!r}, must be positive")
+    return vector

@@ -1,0 +1,41 @@
+"""Which muscles restrain a motion, and how much."""
+
+import numpy as np
+
+from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.errors import StartEqualsEnd
+from fastswing_planner.muscle_model import MuscleModel
+
+
+def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
+    """Return r [m/rad], shape (m,): positive = antagonist, negative = agonist.
+
+    muscle_jacobian  G(theta) [m/rad], shape (m, n)
+    direction        theta_dot or any vector along it, shape (n,)
+
+    Raises StartEqualsEnd for a zero direction, which has no moment arm.
+    """
+    norm = float(np.linalg.norm(direction))
+    if not norm > 0.0:
+        raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
+    # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
+    return frozen(muscle_jacobian @ (direction / norm))
+
+
+def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
+    """Return q [s/rad], shape (m,): the larger, the sooner a muscle reaches its speed limit.
+
+    muscle_moment_arm  r [m/rad], shape (m,)
+    velocity_limit     l_dot^limit [m/s], shape (m,), positive
+    """
+    # q = r (/) l_dot^limit  (eq. 4 of the paper)
+    return frozen(muscle_moment_arm / velocity_limit)
+
+
+def swing_speed_index(
+    model: MuscleModel, start: Vector, end: Vector, velocity_limit: Vector
+) -> Vector:
+    """Return q [s/rad], shape (m,), of the swing from `start` to `end` [rad], both shape (n,)."""
+    # q = r((theta_start + theta_end) / 2, theta_end - theta_start) (/) l_dot^limit  (eq. 4)
+    muscle_jacobian = model.jacobian((start + end) / 2.0)
+    return speed_index(moment_arm(muscle_jacobian, end - start), velocity_limit)

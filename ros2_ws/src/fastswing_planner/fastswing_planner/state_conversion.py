@@ -1,0 +1,97 @@
+"""Joint and muscle states to arrays in the robot's order; names are looked up once."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from fastswing_msgs.msg import MuscleState
+from sensor_msgs.msg import JointState
+
+from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.errors import InvalidRequest, NotFinite, UnknownName, WrongLength
+from fastswing_planner.swing_execution import JointMeasurement, MuscleMeasurement
+
+
+class NamedColumns:
+    """Picks the robot's elements out of messages that name theirs."""
+
+    def __init__(self, kind: str, names: Sequence[str]) -> None:
+        """`kind` is what an element is called in errors."""
+        self._kind = kind
+        self._names = tuple(names)
+        self._seen: Sequence[str] | None = None
+        self._index = np.zeros(0, dtype=int)
+
+    def _look_up(self, names: Sequence[str]) -> None:
+        for name in self._names:
+            if names.count(name) != 1:
+                found = "is missing" if name not in names else "is named more than once"
+                raise UnknownName(f"{self._kind} '{name}' {found} in: {', '.join(names)}")
+        self._index = np.array([names.index(name) for name in self._names], dtype=int)
+        self._seen = list(names)
+
+    def pick(self, what: str, names: Sequence[str], values: Sequence[float]) -> Vector:
+        """Return the robot's elements of `values`, which are in the order of `names`.
+
+        Raises UnknownName, WrongLength or NotFinite.
+        """
+        if names != self._seen:
+            self._look_up(names)
+        if len(values) != len(names):
+            raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
+        picked = np.asarray(values, dtype=float)[self._index]
+        if not np.isfinite(picked).all():
+            bad = int(np.flatnonzero(~np.isfinite(picked))[0])
+            raise NotFinite(f"{what} of {self._names[bad]} is {picked[bad]}")
+        return frozen(picked)
+
+
+class JointStateReader:
+    """Reads `sensor_msgs/JointState`; velocities are required."""
+
+    def __init__(self, joint_names: Sequence[str]) -> None:
+        """Read the joints with these names."""
+        self._columns = NamedColumns("joint", joint_names)
+
+    def read(self, message: JointState, time: float) -> JointMeasurement:
+        """Return the measurement received at `time` [s]; raises InvalidRequest."""
+        return JointMeasurement(
+            time,
+            self._columns.pick("position", message.name, message.position),
+            self._columns.pick("velocity", message.name, message.velocity),
+        )
+
+
+class MuscleStateReader:
+    """Reads `fastswing_msgs/MuscleState`."""
+
+    def __init__(self, muscle_names: Sequence[str]) -> None:
+        """Read the muscles with these names."""
+        self._columns = NamedColumns("muscle", muscle_names)
+
+    def read(self, message: MuscleState, time: float) -> MuscleMeasurement:
+        """Return the measurement received at `time` [s]; raises InvalidRequest."""
+        names = message.name
+        if len(message.fault) != len(names):
+            raise WrongLength(f"fault has {len(message.fault)} values for {len(names)} names")
+        return MuscleMeasurement(
+            time,
+            self._columns.pick("length", names, message.length),
+            self._columns.pick("velocity", names, message.velocity),
+            self._columns.pick("tension", names, message.tension),
+            tuple(name for name, fault in zip(names, message.fault, strict=True) if fault),
+        )
+
+
+class RejectionCounter:
+    """Counts rejected messages by reason, for diagnostics."""
+
+    def __init__(self) -> None:
+        """Start with nothing counted."""
+        self.counts: dict[str, int] = {}
+        self.last = ""
+
+    def count(self, error: InvalidRequest) -> None:
+        """Count one rejection."""
+        key = f"rejected_{error.code_name.lower()}"
+        self.counts[key] = self.counts.get(key, 0) + 1
+        self.last = str(error)

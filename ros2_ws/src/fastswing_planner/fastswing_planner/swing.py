@@ -1,0 +1,150 @@
+"""The kinematic swing (QP 2, eq. 7 of the paper)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
+from fastswing_planner.errors import InvalidLimit, SwingBlocked
+from fastswing_planner.limits import MuscleLimits
+from fastswing_planner.muscle_model import MuscleModel
+from fastswing_planner.qp import QpSolver, QuadraticProgram
+from fastswing_planner.ramp import velocity_bounds
+
+# The QP's rows are scaled by this, which brings their numbers near one.
+_ARM_UNIT = 0.04  # [m/rad]
+
+_STUCK_STEPS = 10
+_STUCK_PROGRESS = 1e-6  # [rad] over _STUCK_STEPS
+
+
+@dataclass(frozen=True)
+class SwingSettings:
+    """How a swing is simulated.
+
+    time_step  dt [s]; 0.03 in the paper
+    epsilon    [rad] the swing ends when |theta - theta_end|_2 is below it; not in the paper
+    max_steps  a longer swing is an error
+    """
+
+    time_step: float = 0.03
+    epsilon: float = 0.01
+    max_steps: int = 400
+
+    def __post_init__(self) -> None:
+        """Raise InvalidLimit for a value that makes no sense."""
+        for name in ("time_step", "epsilon"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise InvalidLimit(f"{name} is {value}, must be positive and finite")
+        if self.max_steps < 1:
+            raise InvalidLimit(f"max_steps is {self.max_steps}, must be at least 1")
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated swing of k steps; row 0 is the start posture at rest.
+
+    time             [s] shape (k + 1,)
+    joint_position   [rad] shape (k + 1, n)
+    joint_velocity   [rad/s] shape (k + 1, n), mean over the step that ends here
+    muscle_length    [m] shape (k + 1, m)
+    muscle_velocity  [m/s] shape (k + 1, m), mean over the step that ends here
+    """
+
+    time: Vector
+    joint_position: Matrix
+    joint_velocity: Matrix
+    muscle_length: Matrix
+    muscle_velocity: Matrix
+
+    @property
+    def time_cost(self) -> float:
+        """t^cost of the paper [s]."""
+        return float(self.time[-1])
+
+
+def build_swing_step(
+    muscle_jacobian: Matrix, remaining: Vector, lower: Vector, upper: Vector, weight: Matrix
+) -> QuadraticProgram:
+    """Build QP 2 for one step, with scaled rows.
+
+    muscle_jacobian  G(theta) [m/rad] of the kept muscles, shape (k, n)
+    remaining        theta_end - theta [rad], shape (n,)
+    lower, upper     bounds of the kept muscles' displacement [m] in this step, shape (k,)
+    weight           W2, shape (n, n), symmetric positive definite
+    """
+    # minimise (theta_end - theta - dtheta)^T W2 (theta_end - theta - dtheta)
+    # subject to  l_dot^min dt <= G(theta) dtheta <= l_dot^max dt  (eq. 7, bounds of eqs. 8 and 9)
+    return QuadraticProgram(
+        P=2.0 * weight,
+        c=-2.0 * weight @ remaining,
+        A=np.zeros((0, remaining.size)),
+        b=np.zeros(0),
+        C=muscle_jacobian / _ARM_UNIT,
+        lower=lower / _ARM_UNIT,
+        upper=upper / _ARM_UNIT,
+    )
+
+
+def simulate_swing(
+    model: MuscleModel,
+    solver: QpSolver,
+    start: Vector,
+    end: Vector,
+    limits: MuscleLimits,
+    kept: BoolVector,
+    settings: SwingSettings,
+    weight: Matrix | None = None,
+) -> Trajectory:
+    """Simulate how fast the kept muscles let the arm come from `start` to `end`.
+
+    start, end  [rad] shape (n,)
+    kept        the mask m of the paper as booleans, shape (m,); masked muscles bound nothing
+    weight      W2, shape (n, n); identity if None
+
+    Raises SwingBlocked, naming joints and muscles, if the swing stops short of its end.
+    """
+    dt = settings.time_step
+    weight = np.eye(start.size) if weight is None else weight
+    position, velocity = start, np.zeros(kept.size)
+    rows = [(position, np.zeros(start.size), model.lengths(position), velocity)]
+    distances = [float(np.linalg.norm(end - start))]
+    while distances[-1] >= settings.epsilon:
+        muscle_jacobian = model.jacobian(position)
+        low, high = velocity_bounds(velocity, limits.velocity, limits.acceleration, dt)
+        step = solver.solve(
+            build_swing_step(
+                muscle_jacobian[kept], end - position, low[kept] * dt, high[kept] * dt, weight
+            )
+        )
+        # theta <- theta + dtheta
+        position = position + step
+        velocity = muscle_jacobian @ step / dt
+        rows.append((position, step / dt, model.lengths(position), velocity))
+        distances.append(float(np.linalg.norm(end - position)))
+        stuck = (
+            len(distances) > _STUCK_STEPS
+            and distances[-1 - _STUCK_STEPS] - distances[-1] < _STUCK_PROGRESS
+        )
+        if stuck or len(distances) > settings.max_steps:
+            active = kept & ((velocity <= low + 1e-6) | (velocity >= high - 1e-6))
+            raise SwingBlocked(_blocked_text(model, end - position, active, len(distances) - 1))
+    columns = [frozen(np.array(column)) for column in zip(*rows, strict=True)]
+    return Trajectory(frozen(dt * np.arange(len(rows))), *columns)
+
+
+def _blocked_text(
+    model: MuscleModel, remaining: Vector, active: BoolVector, step_count: int
+) -> str:
+    joints = [
+        f"{name} by {value:+.3f} rad"
+        for name, value in zip(model.joint_names, remaining, strict=True)
+        if abs(value) > 1e-3
+    ]
+    muscles = [name for name, is_active in zip(model.muscle_names, active, strict=True) if is_active]
+    return (
+        f"the swing stops short of its end after {step_count} steps: "
+        f"{', '.join(joints) or 'all joints by less than 0.001 rad'}; "
+        f"blocking muscles: {', '.join(muscles) or 'none'}"
+    )

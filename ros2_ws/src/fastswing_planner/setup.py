@@ -1,0 +1,29 @@
+"""Installs the planner library and its executables."""
+
+from setuptools import find_packages, setup
+
+PACKAGE = "fastswing_planner"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="fastswing maintainers",
+    maintainer_email="maintainers@fastswing.example",
+    description="Plans, executes and records fast swings of tendon-driven arms.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "planner = fastswing_planner.planner_node:main",
+            "record = fastswing_planner.record_node:main",
+            "swing_executor = fastswing_planner.executor_node:main",
+        ],
+    },
+)

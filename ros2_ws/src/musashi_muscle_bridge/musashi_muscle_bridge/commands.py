@@ -1,0 +1,49 @@
+"""Checks of incoming commands, before the arbiter sees them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fastswing_planner.arrays import Vector, frozen
+from musashi_muscle_bridge.errors import CommandRejected
+
+
+def checked_index(names: Sequence[str], muscle_names: Sequence[str]) -> list[int]:
+    """Return the muscles' indices; raises CommandRejected for unknown or repeated names."""
+    positions = {name: index for index, name in enumerate(muscle_names)}
+    index = []
+    for name in names:
+        if name not in positions:
+            choices = ", ".join(muscle_names)
+            raise CommandRejected(
+                "unknown_name", f"unknown muscle '{name}', choose from: {choices}"
+            )
+        index.append(positions[name])
+    if len(set(index)) != len(index):
+        raise CommandRejected("duplicate_name", f"a muscle is named twice: {', '.join(names)}")
+    return index
+
+
+def checked_values(names: Sequence[str], values: Sequence[float]) -> Vector:
+    """Return the values; raises CommandRejected unless there is a finite one for each name."""
+    if len(values) != len(names):
+        raise CommandRejected("wrong_length", f"{len(values)} values for {len(names)} muscles")
+    vector = frozen(values)
+    if not np.isfinite(vector).all():
+        bad = int(np.flatnonzero(~np.isfinite(vector))[0])
+        raise CommandRejected("not_finite", f"the value of {names[bad]} is {vector[bad]}")
+    return vector
+
+
+def check_stamp(stamp_ns: int, now_ns: int, max_age: float, max_ahead: float = 0.05) -> None:
+    """Raise CommandRejected for a stamp [ns] that is zero, old or in the future.
+
+    max_age, max_ahead  [s]
+    """
+    if stamp_ns == 0:
+        raise CommandRejected("zero_stamp", "the stamp is zero: fill in when the command was made")
+    age = (now_ns - stamp_ns) * 1e-9
+    if age > max_age:
+        raise CommandRejected("old_stamp", f"the stamp is {age:.3f} s old, at most {max_age:g} s")
+    if age < -max_ahead:
+        raise CommandRejected("future_stamp", f"the stamp is {-age:.3f} s in the future")
