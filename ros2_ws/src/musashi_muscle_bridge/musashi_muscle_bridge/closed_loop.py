@@ -1,0 +1,127 @@
+"""Boards, arbiter, inhibition rule and swing execution in one loop of explicit time.
+
+The same objects as in the nodes, without ROS: deterministic and faster than real time.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
+from fastswing_planner.arrays import frozen
+from fastswing_planner.errors import PlannerError
+from fastswing_planner.figures import SwingFigures
+from fastswing_planner.plan import Method, SwingPlan, SwingPlanner
+from fastswing_planner.robot import Robot
+from fastswing_planner.swing_execution import (
+    ExecutionSettings,
+    JointMeasurement,
+    MuscleMeasurement,
+    Orders,
+    Phase,
+    PreparedSwing,
+    SwingExecution,
+)
+from musashi_muscle_bridge.board import Boards
+from musashi_muscle_bridge.control import ControlPeriod, command_limits
+from musashi_muscle_bridge.protocol import Mode, StateFrame, WatchdogAction
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One control period of a swing: time [s] and the boards' state."""
+
+    time: float
+    phase: Phase
+    state: StateFrame
+
+
+class ClosedLoop:
+    """One arm with everything that moves it."""
+
+    def __init__(self, robot: Robot, planner: SwingPlanner, rate: float = 500.0) -> None:
+        """rate [Hz] is that of the control period."""
+        self._robot = robot
+        self._planner = planner
+        self._period = 1.0 / rate
+        self.boards = Boards(robot)
+        self.control = ControlPeriod(
+            robot, command_limits(robot, 0.1, 0.2, 0.2), WatchdogAction.ZERO_CURRENT, 0.1
+        )
+        self._inhibition = Inhibition(
+            robot.model, robot.limits.velocity, InhibitionSettings()
+        )
+        self._now = 0.0
+        self._state = self.boards.handle(self.control.first_command())
+        self.samples: list[Sample] = []
+
+    def run(self, plan: SwingPlan, settings: ExecutionSettings) -> SwingFigures:
+        """Carry out a plan and return what was measured; raises PlannerError if it aborts."""
+        swing = PreparedSwing(
+            plan.method,
+            plan.start,
+            plan.end,
+            plan.elongation,
+            plan.holding.tension,
+            plan.final_holding.tension,
+        )
+        self._advance()
+        execution = SwingExecution(
+            self._robot.model,
+            self._planner.hold,
+            self._robot.wire_stiffness,
+            swing,
+            settings,
+            self._joints(),
+            self._muscles(),
+        )
+        while not execution.done:
+            self._advance()
+            joints = self._joints()
+            self._inhibit(joints)
+            execution.add_joints(joints)
+            execution.add_muscles(self._muscles())
+            self.samples.append(Sample(self._now, execution.phase, self._state))
+            self._carry_out(execution.step(self._now), execution, plan)
+        figures = execution.figures
+        if figures is None:
+            raise PlannerError("the swing ended without a measurement")
+        return figures
+
+    def _advance(self) -> None:
+        self._now += self._period
+        self.boards.advance(self._period)
+        self._state = self.boards.handle(self.control.next_command(self._state, self._now))
+
+    def _joints(self) -> JointMeasurement:
+        rows = self._state.joints
+        return JointMeasurement(self._now, frozen(rows["position"]), frozen(rows["velocity"]))
+
+    def _muscles(self) -> MuscleMeasurement:
+        rows = self._state.rows
+        names = self._robot.model.muscle_names
+        return MuscleMeasurement(
+            self._now,
+            frozen(rows["length"]),
+            frozen(rows["velocity"]),
+            frozen(rows["tension"]),
+            tuple(name for name, fault in zip(names, rows["fault"], strict=True) if fault),
+        )
+
+    def _inhibit(self, joints: JointMeasurement) -> None:
+        if self._inhibition.armed:
+            decision = self._inhibition.decide(joints)
+            inhibited = [int(i) for i in np.flatnonzero(decision.inhibited)]
+            self.control.arbiter.override(inhibited, 0.05, self._now)
+
+    def _carry_out(self, orders: Orders, execution: SwingExecution, plan: SwingPlan) -> None:
+        if orders.lengths is not None:
+            everything = range(orders.lengths.size)
+            self.control.arbiter.command(Mode.LENGTH, everything, orders.lengths, self._now)
+        if orders.arm:
+            protected = np.zeros(plan.kept.size, dtype=bool)
+            self._inhibition.arm(Arming(plan.end, 0.0, protected, 5.0, self._now))
+            execution.inhibitor_armed()
+        if orders.disarm:
+            self._inhibition.disarm(Reason.DISARMED)
+            self.control.arbiter.override([], 0.0, self._now)
