@@ -1,0 +1,96 @@
+"""A parameter's row accepts what it says, and its text says what would be right."""
+
+import math
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fastswing_planner.parameters import InvalidParameter, Parameter, check_all
+
+RATE = Parameter("rate", 100.0, "Control rate.", unit="Hz", low=1.0, high=1000.0)
+COUNT = Parameter("count", 3, "Number of tries.", low=1, high=10)
+METHOD = Parameter("method", "basic", "How to swing.", choices=("basic", "elongate"))
+SWITCH = Parameter("read_only", False, "Whether to send nothing.")
+NAMES = Parameter("muscles", ["#1"], "Which muscles.")
+FREE = Parameter("offset", 0.0, "Any number.", unit="m")
+
+
+@given(st.floats(1.0, 1000.0))
+def test_a_number_in_its_range_passes_unchanged(value: float) -> None:
+    assert RATE.check(value) == value
+
+
+@given(st.floats().filter(lambda value: not 1.0 <= value <= 1000.0))
+def test_any_other_number_is_refused(value: float) -> None:
+    with pytest.raises(InvalidParameter) as caught:
+        RATE.check(value)
+    assert str(caught.value) == f"rate is {value}, expected 1 to 1000 Hz"
+
+
+@pytest.mark.parametrize("end", [1, 10])
+def test_both_ends_of_a_range_belong_to_it(end: int) -> None:
+    assert COUNT.check(end) == end
+
+
+def test_a_whole_number_becomes_a_float_where_one_is_expected() -> None:
+    assert isinstance(RATE.check(50), float)
+
+
+def test_a_number_without_range_must_still_be_a_number() -> None:
+    with pytest.raises(InvalidParameter, match="^offset is nan, expected "):
+        FREE.check(math.nan)
+
+
+@pytest.mark.parametrize(
+    ("row", "value", "text"),
+    [
+        (RATE, "fast", "rate is 'fast', expected float"),
+        (RATE, True, "rate is True, expected float"),
+        (COUNT, 2.0, "count is 2.0, expected int"),
+        (COUNT, True, "count is True, expected int"),
+        (COUNT, 11, "count is 11, expected 1 to 10"),
+        (SWITCH, 1, "read_only is 1, expected bool"),
+        (METHOD, None, "method is None, expected str"),
+        (METHOD, "fast", "method is 'fast', choose from: basic, elongate"),
+        (NAMES, "#1", "muscles is '#1', expected list"),
+    ],
+)
+def test_a_wrong_value_is_shown_with_what_would_be_right(
+    row: Parameter, value: Any, text: str
+) -> None:
+    with pytest.raises(InvalidParameter) as caught:
+        row.check(value)
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    ("row", "value"),
+    [(METHOD, "elongate"), (SWITCH, True), (NAMES, ["#2", "#3"]), (NAMES, []), (FREE, -1e300)],
+)
+def test_a_right_value_passes(row: Parameter, value: Any) -> None:
+    assert row.check(value) == value
+
+
+@pytest.mark.parametrize("row", [RATE, COUNT, METHOD, SWITCH, NAMES, FREE])
+def test_a_default_is_right_itself(row: Parameter) -> None:
+    assert row.check(row.default) == row.default
+
+
+@pytest.mark.parametrize(
+    ("row", "text"),
+    [(RATE, "1 to 1000 Hz"), (COUNT, "1 to 10"), (METHOD, "basic, elongate"), (SWITCH, "")],
+)
+def test_the_range_is_told_for_people(row: Parameter, text: str) -> None:
+    assert row.range_text == text
+
+
+def test_a_whole_table_is_checked() -> None:
+    assert check_all([RATE, COUNT], {"rate": 20, "count": 2}) == {"rate": 20.0, "count": 2}
+
+
+def test_the_first_wrong_value_of_a_table_is_named() -> None:
+    with pytest.raises(InvalidParameter) as caught:
+        check_all([RATE, COUNT], {"rate": 0.5, "count": 99})
+    assert str(caught.value) == "rate is 0.5, expected 1 to 1000 Hz"

@@ -1,0 +1,155 @@
+"""The solver's answers are the minimisers, and what it cannot solve can be kept."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear, minimize
+
+from fastswing_planner.arrays import Vector
+from fastswing_planner.qp import ProxSuiteSolver, QpUnsolved, QuadraticProgram
+
+TINY_BOUND = Path(__file__).parent / "data" / "tiny_bound_swing_step.npz"
+SEED = st.integers(0, 2**32 - 1)
+
+
+class Hasty(ProxSuiteSolver):
+    """Gives up after one iteration."""
+
+    max_iterations = 1
+
+
+def random_program(seed: int) -> QuadraticProgram:
+    """Return a strictly convex program of 4 variables with a known feasible point."""
+    rng = np.random.default_rng(seed)
+    root, A, C = rng.normal(size=(4, 4)), rng.normal(size=(1, 4)), rng.normal(size=(5, 4))
+    inside = rng.normal(size=4)
+    return QuadraticProgram(
+        P=root @ root.T + np.eye(4),
+        c=3.0 * rng.normal(size=4),
+        A=A,
+        b=A @ inside,
+        C=C,
+        lower=C @ inside - rng.uniform(0.0, 1.0, 5),
+        upper=C @ inside + rng.uniform(0.0, 1.0, 5),
+    )
+
+
+def cost(problem: QuadraticProgram, x: Vector) -> float:
+    return float(x @ problem.P @ x / 2 + problem.c @ x)
+
+
+def box_program(limit: float) -> QuadraticProgram:
+    """Return min (x - 3)^2 / 2 + (y + 3)^2 / 2 in the box of half-width `limit`."""
+    return QuadraticProgram(
+        P=np.eye(2),
+        c=np.array([-3.0, 3.0]),
+        A=np.zeros((0, 2)),
+        b=np.zeros(0),
+        C=np.eye(2),
+        lower=np.full(2, -limit),
+        upper=np.full(2, limit),
+    )
+
+
+@given(SEED)
+def test_the_answer_is_the_minimiser_that_slsqp_finds(seed: int) -> None:
+    problem = random_program(seed)
+    oracle = minimize(
+        lambda x: cost(problem, x),
+        np.zeros(4),
+        jac=lambda x: problem.P @ x + problem.c,
+        method="SLSQP",
+        constraints=[
+            {"type": "eq", "fun": lambda x: problem.A @ x - problem.b},
+            {"type": "ineq", "fun": lambda x: problem.upper - problem.C @ x},
+            {"type": "ineq", "fun": lambda x: problem.C @ x - problem.lower},
+        ],
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    assert oracle.success
+    assert ProxSuiteSolver().solve(problem) == pytest.approx(oracle.x, abs=1e-5)
+
+
+@given(SEED)
+def test_the_answer_keeps_every_constraint(seed: int) -> None:
+    problem = random_program(seed)
+    x = ProxSuiteSolver().solve(problem)
+    assert pytest.approx(problem.b, abs=1e-7) == problem.A @ x
+    assert np.all(problem.C @ x >= problem.lower - 1e-7)
+    assert np.all(problem.C @ x <= problem.upper + 1e-7)
+
+
+@given(st.lists(SEED, min_size=2, max_size=4))
+def test_an_answer_does_not_depend_on_the_problems_before(seeds: list[int]) -> None:
+    used = ProxSuiteSolver()
+    answers = [used.solve(random_program(seed)) for seed in seeds]
+    fresh = ProxSuiteSolver().solve(random_program(seeds[-1]))
+    assert answers[-1] == pytest.approx(fresh, abs=1e-8)
+
+
+def test_a_program_without_constraints_is_solved() -> None:
+    empty = np.zeros((0, 2))
+    problem = QuadraticProgram(
+        2.0 * np.eye(2), np.array([-2.0, 4.0]), empty, np.zeros(0), empty, np.zeros(0), np.zeros(0)
+    )
+    assert ProxSuiteSolver().solve(problem) == pytest.approx([1.0, -2.0], abs=1e-7)
+
+
+def test_a_swing_step_with_a_tiny_bound_is_solved() -> None:
+    # ProxQP denied that this step is feasible: a bound of -8e-15 beside zeros.
+    problem = QuadraticProgram.load(TINY_BOUND)
+    x = ProxSuiteSolver().solve(problem)
+    # P is 2 times the identity, so the cost is |x + c / 2|^2; the slack variables s of
+    # lower <= s = C x <= upper turn it into a bounded least squares.
+    slack = 1e4
+    stacked = np.block(
+        [[np.eye(5), np.zeros((5, 9))], [slack * problem.C, -slack * np.eye(9)]],
+    )
+    target = np.concatenate([-problem.c / 2, np.zeros(9)])
+    span = np.maximum(problem.upper, problem.lower + 1e-12)
+    bounds = (
+        np.concatenate([np.full(5, -np.inf), problem.lower]),
+        np.concatenate([np.full(5, np.inf), span]),
+    )
+    oracle = lsq_linear(stacked, target, bounds, method="bvls", tol=1e-14)
+    assert x == pytest.approx(oracle.x[:5], abs=1e-6)
+
+
+def test_a_saved_problem_is_read_back(tmp_path: Path) -> None:
+    problem = random_program(7)
+    problem.save(tmp_path / "problem.npz")
+    again = QuadraticProgram.load(tmp_path / "problem.npz")
+    assert {name: value.tolist() for name, value in vars(again).items()} == {
+        name: value.tolist() for name, value in vars(problem).items()
+    }
+
+
+def test_the_iteration_limit_leaves_the_problem_undecided() -> None:
+    with pytest.raises(QpUnsolved) as caught:
+        Hasty().solve(box_program(1.0))
+    assert caught.value.undecided
+
+
+def test_the_iteration_limit_is_said() -> None:
+    with pytest.raises(QpUnsolved) as caught:
+        Hasty().solve(box_program(1.0))
+    text = "the QP of 2 variables was not solved: PROXQP_MAX_ITER_REACHED"
+    assert str(caught.value) == text
+
+
+def test_an_unsolved_problem_is_carried_along() -> None:
+    problem = box_program(1.0)
+    with pytest.raises(QpUnsolved) as caught:
+        Hasty().solve(problem)
+    assert caught.value.problem is problem
+
+
+def test_an_unsolved_problem_does_not_spoil_the_next() -> None:
+    solver = Hasty()
+    with pytest.raises(QpUnsolved):
+        solver.solve(box_program(1.0))
+    solver.max_iterations = ProxSuiteSolver.max_iterations
+    assert solver.solve(box_program(2.0)) == pytest.approx([2.0, -2.0], abs=1e-7)

@@ -1,0 +1,82 @@
+"""The speed index says which muscles restrain a motion, and how much."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from fastswing_planner.arrays import Matrix, Vector
+from fastswing_planner.errors import StartEqualsEnd
+from fastswing_planner.muscle_model import MuscleModel
+from fastswing_planner.robot import Robot
+from fastswing_planner.speed_index import moment_arm, speed_index, swing_speed_index
+
+ARMS = arrays(float, (4, 2), elements=st.floats(-0.1, 0.1))
+DIRECTION = arrays(float, 2, elements=st.floats(-3.0, 3.0)).filter(
+    lambda vector: bool(np.linalg.norm(vector) > 1e-3)
+)
+
+
+@given(ARMS, DIRECTION)
+def test_the_moment_arm_is_the_lengthening_per_radian(jacobian: Matrix, direction: Vector) -> None:
+    way = sum(component**2 for component in direction) ** 0.5
+    expected = [sum(g * d for g, d in zip(row, direction, strict=True)) / way for row in jacobian]
+    assert moment_arm(jacobian, direction) == pytest.approx(expected, abs=1e-15)
+
+
+@given(ARMS, DIRECTION, st.floats(0.01, 100.0))
+def test_the_moment_arm_does_not_depend_on_the_speed(
+    jacobian: Matrix, direction: Vector, factor: float
+) -> None:
+    faster = moment_arm(jacobian, factor * direction)
+    assert faster == pytest.approx(moment_arm(jacobian, direction), abs=1e-14)
+
+
+@given(ARMS, DIRECTION)
+def test_the_way_back_swaps_agonists_and_antagonists(jacobian: Matrix, direction: Vector) -> None:
+    assert moment_arm(jacobian, -direction).tolist() == (-moment_arm(jacobian, direction)).tolist()
+
+
+def test_a_muscle_that_lengthens_is_a_positive_antagonist() -> None:
+    assert moment_arm(np.array([[0.05], [-0.04]]), np.array([2.0])).tolist() == [0.05, -0.04]
+
+
+def test_a_standing_arm_has_no_moment_arm() -> None:
+    with pytest.raises(StartEqualsEnd) as caught:
+        moment_arm(np.eye(2), np.zeros(2))
+    assert str(caught.value) == "the direction of motion is zero, so no moment arm is defined"
+
+
+def test_the_index_is_the_moment_arm_over_the_speed_limit() -> None:
+    index = speed_index(np.array([0.06, -0.03]), np.array([0.3, 0.1]))
+    assert index == pytest.approx([0.2, -0.3])
+
+
+@given(ARMS, DIRECTION, DIRECTION)
+def test_the_swings_index_is_taken_from_start_to_end(
+    linear_arm: Callable[..., MuscleModel], jacobian: Matrix, start: Vector, end: Vector
+) -> None:
+    assume(np.linalg.norm(end - start) > 1e-3)
+    index = swing_speed_index(linear_arm(jacobian), start, end, np.full(4, 0.3))
+    expected = jacobian @ (end - start) / np.linalg.norm(end - start) / 0.3
+    assert index == pytest.approx(expected, abs=1e-12)
+
+
+def test_musashis_index_is_taken_at_the_midpoint(musashi: Robot) -> None:
+    start, end = musashi.postures["start"], musashi.postures["end"]
+    # Moment arms at the midpoint, by finite differences of the lengths along the way.
+    middle, way = (start + end) / 2, (end - start) / np.linalg.norm(end - start)
+    ahead, behind = (musashi.model.lengths(middle + side * 1e-6 * way) for side in (1, -1))
+    expected = (ahead - behind) / 2e-6 / musashi.limits.velocity
+    index = swing_speed_index(musashi.model, start, end, musashi.limits.velocity)
+    assert index == pytest.approx(expected, abs=1e-6)
+
+
+def test_musashis_antagonists_are_ordered_as_in_the_paper(musashi: Robot) -> None:
+    start, end = musashi.postures["start"], musashi.postures["end"]
+    index = swing_speed_index(musashi.model, start, end, musashi.limits.velocity)
+    falling = sorted(zip(index, musashi.model.muscle_names, strict=True), reverse=True)
+    assert [name for value, name in falling if value > 0] == ["#9", "#10", "#3", "#2"]

@@ -1,0 +1,35 @@
+"""Installs the bridge, the mock driver, launch files and Musashi's description."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+PACKAGE = "musashi_muscle_bridge"
+
+setup(
+    name=PACKAGE,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={PACKAGE: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
+        (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/config", glob("config/*")),
+        (f"share/{PACKAGE}/description", glob("description/*")),
+        (f"share/{PACKAGE}/launch", glob("launch/*")),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=True,
+    maintainer="fastswing maintainers",
+    maintainer_email="maintainers@fastswing.example",
+    description="The bridge between ROS and the muscle boards, and a mock of boards and arm.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "bridge = musashi_muscle_bridge.bridge_node:main",
+            "mock_driver = musashi_muscle_bridge.mock_driver_node:main",
+            "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
+        ],
+        "musashi_muscle_bridge.buses": ["udp = musashi_muscle_bridge.udp_bus:UdpBus"],
+    },
+)
