@@ -17,20 +17,19 @@ from typing import Any
 
 import numpy as np
 import rclpy
-from fastswing_msgs.action import ExecuteSwing
-from fastswing_msgs.msg import ErrorCode, SwingFigures, SwingOptions
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
 from paper_values import PAPER
 from processes import Process, free_domain, free_udp_port, isolated_environment, stop_all
 from rclpy.action import ActionClient
-from rclpy.executors import Executor
-from rclpy.experimental import EventsExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from report import draw_swing, table_text, write_report
 
+from fastswing_msgs.action import ExecuteSwing
+from fastswing_msgs.msg import ErrorCode, SwingFigures, SwingOptions
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, resolve_path
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.swing_execution import Phase
@@ -57,7 +56,8 @@ class Client:
         """Watch over `processes` while waiting for answers."""
         self.node = Node("demo", enable_rosout=False)
         self._processes = list(processes)
-        self._executor: Executor = EventsExecutor()
+        # EventsExecutor does not notice clients that are made between two of its spins.
+        self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._swings = ActionClient(self.node, ExecuteSwing, "execute_swing")
 
@@ -78,7 +78,7 @@ class Client:
                     raise DemoError(f"{process.name} ended:\n{process.log_tail()}")
             if time.monotonic() > deadline:
                 raise DemoError(f"{what}: no answer for {timeout:g} s")
-            self._executor.spin_until_future_complete(Future(), timeout_sec=0.02)
+            self._executor.spin_once(timeout_sec=0.02)
 
     def wait_for(self, future: Future, timeout: float, what: str) -> Any:
         """Return the result of a future."""
@@ -101,7 +101,6 @@ class Client:
             return any(a.current_state.id == State.PRIMARY_STATE_ACTIVE for a in answers)
 
         self.spin_until(active, _READY_SEC, f"waiting for {node}")
-        self.node.destroy_client(client)
 
     def wait_for_topic(self, topic: str, subscribers: int) -> None:
         """Wait until a topic has a publisher and that many subscribers."""

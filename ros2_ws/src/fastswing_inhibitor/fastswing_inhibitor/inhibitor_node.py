@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
-from fastswing_msgs.srv import ArmInhibitor
 from rclpy.qos import QoSProfile, ReliabilityPolicy, qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
+from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
+from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known
 from fastswing_planner.conversion import error_code
 from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+
 from fastswing_msgs.msg import (
     ErrorCode,
     MaskTrial,
@@ -12,7 +13,6 @@ from fastswing_msgs.msg import (
 )
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
-
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures as Figures

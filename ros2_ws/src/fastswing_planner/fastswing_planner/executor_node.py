@@ -6,15 +6,6 @@ from typing import Any
 import numpy as np
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticStatus
-from fastswing_msgs.action import ExecuteSwing
-from fastswing_msgs.msg import (
-    ErrorCode,
-    LengthCommand,
-    MuscleState,
-    SwingFigures,
-)
-from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
-from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -24,6 +15,15 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
+from fastswing_msgs.action import ExecuteSwing
+from fastswing_msgs.msg import (
+    ErrorCode,
+    LengthCommand,
+    MuscleState,
+    SwingFigures,
+)
+from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
+from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import frozen
 from fastswing_planner.conversion import (
     error_code,
@@ -66,16 +66,22 @@ TABLE = (
         "service_timeout", 2.0, "Longest wait for the planner and the inhibitor.", "s", 0.1, 60.0
     ),
     _setting("raise_speed", "rad/s", 0.05, 3.0, "Largest joint speed on the way to the start."),
+    _setting("elongate_speed", "m/s", 0.005, 0.3, "Speed of paying muscles out before the swing."),
     _setting(
-        "elongate_speed", "m/s", 0.005, 0.3, "Speed of paying muscles out before the swing."
-    ),
-    _setting(
-        "start_tolerance", "rad", 0.005, 0.5, "The swing begins only this near to the start posture."
+        "start_tolerance",
+        "rad",
+        0.005,
+        0.5,
+        "The swing begins only this near to the start posture.",
     ),
     _setting("rest_speed", "rad/s", 0.01, 1.0, "Joints slower than this rest."),
     _setting("rest_time", "s", 0.02, 5.0, "How long the arm must rest before the swing."),
     _setting(
-        "arrival_tolerance", "rad", 0.005, 0.5, "The swing has arrived this near to the end posture."
+        "arrival_tolerance",
+        "rad",
+        0.005,
+        0.5,
+        "The swing has arrived this near to the end posture.",
     ),
     _setting("phase_limit", "s", 0.5, 60.0, "Longest wait of a phase beyond its planned duration."),
     _setting("swing_limit", "s", 0.2, 10.0, "Longest swing."),
@@ -109,9 +115,7 @@ class ExecutorNode(ManagedNode):
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot."""
         self._robot = load_robot(resolve_path(parameters["robot_description"]))
-        self._settings = ExecutionSettings(
-            **{name: parameters[name] for name in vars(_DEFAULTS)}
-        )
+        self._settings = ExecutionSettings(**{name: parameters[name] for name in vars(_DEFAULTS)})
         self._service_timeout: float = parameters["service_timeout"]
         self._period = 1.0 / parameters["rate"]
         robot = self._robot

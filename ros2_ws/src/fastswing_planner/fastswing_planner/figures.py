@@ -39,7 +39,9 @@ class SwingMeasurement:
         """Whether the end posture was reached."""
         return not np.isnan(self._time_cost)
 
-    def add_joints(self, time: float, joint_velocity: Vector, distance: float, epsilon: float) -> None:
+    def add_joints(
+        self, time: float, joint_velocity: Vector, distance: float, epsilon: float
+    ) -> None:
         """Add a joint state: velocities [rad/s] and distance [rad] to the end posture."""
         np.maximum(self._joint_velocity, np.abs(joint_velocity), out=self._joint_velocity)
         if not self.arrived and distance < epsilon:

@@ -117,9 +117,11 @@ def hold(
     residual = float(np.linalg.norm(muscle_jacobian.T @ tension + torque))
     if residual > RESIDUAL_TOLERANCE:
         return Holding(False, residual, frozen(tension))
+    # Within the tolerance, but perhaps not exactly: ask for what is reached.
+    reachable = -arms.T @ tension[kept]
     kept_weight = np.eye(int(kept.sum())) if weight is None else weight[np.ix_(kept, kept)]
     tension[kept] = np.clip(
-        _solve(solver, build_holding(arms, torque, low, high, kept_weight)), low, high
+        _solve(solver, build_holding(arms, reachable, low, high, kept_weight)), low, high
     )
     check = float(np.linalg.norm(muscle_jacobian.T @ tension + torque))
     if check > 10.0 * RESIDUAL_TOLERANCE:

@@ -188,7 +188,7 @@ class ManagedNode(LifecycleNode):
     def guarded(self, callback: Callable[..., Any]) -> Callable[..., Any]:
         """Return `callback` so that an exception in it is logged and counted, not fatal."""
 
-        def call(*arguments: Any) -> Any:  # noqa: ANN401  # whatever the callback takes
+        def call(*arguments: Any) -> Any:  # whatever the callback takes
             try:
                 return callback(*arguments)
             except Exception:
@@ -201,7 +201,9 @@ class ManagedNode(LifecycleNode):
 
         return call
 
-    def create_steady_timer(self, period_sec: float, callback: Callable[[], None]) -> rclpy.timer.Timer:
+    def create_steady_timer(
+        self, period_sec: float, callback: Callable[[], None]
+    ) -> rclpy.timer.Timer:
         """Create a timer on the monotonic clock, which no time source can stop or jump."""
         return self.create_timer(period_sec, self.guarded(callback), clock=self._steady_clock)
 
@@ -263,4 +265,3 @@ def run(node_class: Callable[[], ManagedNode]) -> int:
     node.destroy_node()
     rclpy.shutdown()
     return 0 if started else 2
-

@@ -46,11 +46,12 @@ class Parameter:
         expected = type(self.default)
         if expected is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
-        if not isinstance(value, expected):
+        if not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool):
             raise InvalidParameter(f"{self.name} is {value!r}, expected {expected.__name__}")
-        if isinstance(value, (int, float)) and not isinstance(value, bool):
-            if not self.low <= value <= self.high:  # also false for NaN
-                raise InvalidParameter(f"{self.name} is {value}, expected {self.range_text}")
+        # Also false for NaN.
+        if expected in (int, float) and not self.low <= value <= self.high:
+            valid = self.range_text or "a number"
+            raise InvalidParameter(f"{self.name} is {value}, expected {valid}")
         if self.choices and value not in self.choices:
             raise InvalidParameter(f"{self.name} is '{value}', choose from: {self.range_text}")
         return value

@@ -215,7 +215,9 @@ class SwingPlanner:
         def simulate(kept: BoolVector) -> Trajectory:
             return simulate_swing(model, self._solver, start, end, limits, kept, request.settings)
 
-        basic_protected = protected if request.method is Method.ELONGATE else ~np.zeros_like(protected)
+        basic_protected = (
+            protected if request.method is Method.ELONGATE else ~np.zeros_like(protected)
+        )
         search = greedy_search(index, basic_protected, hold_start, simulate)
         time_cost_basic = search.trials[0].time_cost
         final = self._hold(end, limits, payload, None)

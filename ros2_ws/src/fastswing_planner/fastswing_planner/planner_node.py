@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import PlanSwing
-
 from fastswing_planner.conversion import error_code, plan_to_message, request_from_message
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
@@ -59,9 +59,7 @@ class PlannerNode(ManagedNode):
 
     def activate(self) -> None:
         """Offer the service."""
-        self._service = self.create_service(
-            PlanSwing, "plan_swing", self.guarded(self._answer)
-        )
+        self._service = self.create_service(PlanSwing, "plan_swing", self.guarded(self._answer))
 
     def deactivate(self) -> None:
         """Withdraw the service."""

@@ -68,7 +68,7 @@ def load_robot(path: Path) -> Robot:
         raise RobotDescriptionError(
             f"{path}: no such file; set robot_description to the YAML file of your robot"
         ) from error
-    except (OSError, yaml.YAMLError) as error:
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise RobotDescriptionError(f"{path}: not a readable YAML file: {error}") from error
     if not isinstance(content, dict):
         raise RobotDescriptionError(f"{path}: expected a mapping with {', '.join(_REQUIRED)}")
@@ -110,10 +110,10 @@ def _build(path: Path, content: dict[str, Any]) -> Robot:
         wire_stiffness=_positive(content, "wire_stiffness", muscles),
         payload_body=str(content["payload_body"]),
         postures={
-            str(name): finite_vector(f"posture '{name}'", angles, joints)
+            str(name): _posture(str(name), angles, joints)
             for name, angles in content["postures"].items()
         },
-        plant=content.get("plant", {}),
+        plant=content.get("plant") or {},
     )
 
 
@@ -122,6 +122,17 @@ def _names(content: dict[str, Any], key: str) -> tuple[str, ...]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise RobotDescriptionError(f"key '{key}' is {names!r}, expected a list of names")
     return tuple(names)
+
+
+def _posture(name: str, angles: Any, joints: tuple[str, ...]) -> Vector:
+    try:
+        return finite_vector(f"posture '{name}'", angles, joints)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InvalidRequest):
+            raise
+        raise RobotDescriptionError(
+            f"posture '{name}' is {angles!r}, expected a list of angles [rad]"
+        ) from error
 
 
 def _positive(content: dict[str, Any], key: str, muscles: tuple[str, ...]) -> Vector:

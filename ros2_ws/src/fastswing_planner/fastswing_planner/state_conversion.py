@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from fastswing_msgs.msg import MuscleState
 from sensor_msgs.msg import JointState
 
+from fastswing_msgs.msg import MuscleState
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import InvalidRequest, NotFinite, UnknownName, WrongLength
 from fastswing_planner.swing_execution import JointMeasurement, MuscleMeasurement

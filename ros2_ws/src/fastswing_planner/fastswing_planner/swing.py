@@ -109,8 +109,15 @@ def simulate_swing(
     weight = np.eye(start.size) if weight is None else weight
     position, velocity = start, np.zeros(kept.size)
     rows = [(position, np.zeros(start.size), model.lengths(position), velocity)]
-    distances = [float(np.linalg.norm(end - start))]
-    while distances[-1] >= settings.epsilon:
+    progress = [_weighted_norm(end - position, weight)]
+    active = np.zeros(kept.size, dtype=bool)
+    while float(np.linalg.norm(end - position)) >= settings.epsilon:
+        stuck = (
+            len(rows) > _STUCK_STEPS
+            and progress[-1 - _STUCK_STEPS] - progress[-1] < _STUCK_PROGRESS
+        )
+        if stuck or len(rows) > settings.max_steps:
+            raise SwingBlocked(_blocked_text(model, end - position, active, len(rows) - 1))
         muscle_jacobian = model.jacobian(position)
         low, high = velocity_bounds(velocity, limits.velocity, limits.acceleration, dt)
         step = solver.solve(
@@ -121,17 +128,16 @@ def simulate_swing(
         # theta <- theta + dtheta
         position = position + step
         velocity = muscle_jacobian @ step / dt
+        active = kept & ((velocity <= low + 1e-6) | (velocity >= high - 1e-6))
         rows.append((position, step / dt, model.lengths(position), velocity))
-        distances.append(float(np.linalg.norm(end - position)))
-        stuck = (
-            len(distances) > _STUCK_STEPS
-            and distances[-1 - _STUCK_STEPS] - distances[-1] < _STUCK_PROGRESS
-        )
-        if stuck or len(distances) > settings.max_steps:
-            active = kept & ((velocity <= low + 1e-6) | (velocity >= high - 1e-6))
-            raise SwingBlocked(_blocked_text(model, end - position, active, len(distances) - 1))
+        progress.append(_weighted_norm(end - position, weight))
     columns = [frozen(np.array(column)) for column in zip(*rows, strict=True)]
     return Trajectory(frozen(dt * np.arange(len(rows))), *columns)
+
+
+def _weighted_norm(remaining: Vector, weight: Matrix) -> float:
+    """Return the root of what QP 2 minimises: no step may raise it."""
+    return float(np.sqrt(remaining @ weight @ remaining))
 
 
 def _blocked_text(
@@ -142,7 +148,9 @@ def _blocked_text(
         for name, value in zip(model.joint_names, remaining, strict=True)
         if abs(value) > 1e-3
     ]
-    muscles = [name for name, is_active in zip(model.muscle_names, active, strict=True) if is_active]
+    muscles = [
+        name for name, is_active in zip(model.muscle_names, active, strict=True) if is_active
+    ]
     return (
         f"the swing stops short of its end after {step_count} steps: "
         f"{', '.join(joints) or 'all joints by less than 0.001 rad'}; "

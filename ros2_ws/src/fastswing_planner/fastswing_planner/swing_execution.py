@@ -173,7 +173,7 @@ class SwingExecution:
             self._measurement.add_joints(
                 joints.time, joints.velocity, self.distance_to_end, self._settings.arrival_tolerance
             )
-        if np.abs(joints.velocity).max() > self._settings.rest_speed:
+        if not np.abs(joints.velocity).max() <= self._settings.rest_speed:  # also for NaN
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = joints.time

@@ -54,11 +54,11 @@ def linear_arm() -> Callable[..., MuscleModel]:
 
 @pytest.fixture(scope="session")
 def description_path() -> Path:
-    """Where the Musashi-like arm is described."""
+    """Return where the Musashi-like arm is described."""
     return Path(__file__).parents[2] / DESCRIPTION
 
 
 @pytest.fixture(scope="session")
 def musashi(description_path: Path) -> Robot:
-    """The Musashi-like left arm."""
+    """Load the Musashi-like left arm."""
     return load_robot(description_path)

@@ -15,7 +15,7 @@ NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 
 
 def test_a_frozen_array_cannot_be_written() -> None:
-    with pytest.raises(ValueError, match="^assignment destination is read-only$"):
+    with pytest.raises(ValueError, match=r"^assignment destination is read-only$"):
         frozen([1.0, 2.0])[0] = 3.0
 
 

@@ -57,7 +57,6 @@ def least_tension(jacobian: Matrix, torque: Vector, weight: Matrix) -> Vector:
         constraints={"type": "eq", "fun": lambda f: jacobian.T @ f + torque},
         options={"ftol": 1e-13, "maxiter": 500},
     )
-    assert answer.success
     return np.asarray(answer.x)
 
 

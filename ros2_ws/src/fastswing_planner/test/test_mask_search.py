@@ -129,9 +129,7 @@ def test_an_equal_mask_is_not_taken() -> None:
 
 
 def test_every_trial_is_told_in_order() -> None:
-    arm = FakeArm(
-        {frozenset({2}): 0.8, frozenset({0, 2}): None}, frozenset([frozenset({0, 2, 4})])
-    )
+    arm = FakeArm({frozenset({2}): 0.8, frozenset({0, 2}): None}, frozenset([frozenset({0, 2, 4})]))
     told = [(masked(t.kept), t.verdict, t.holding_residual) for t in arm.search().trials]
     assert told == [
         (set(), Verdict.TAKEN, 0.0),
@@ -158,5 +156,5 @@ def test_an_arm_that_does_not_hold_at_all_says_what_is_missing() -> None:
 
 
 def test_an_arm_blocked_with_all_muscles_is_an_error() -> None:
-    with pytest.raises(SwingBlocked, match="^blocked$"):
+    with pytest.raises(SwingBlocked, match=r"^blocked$"):
         FakeArm({frozenset(): None}).search()

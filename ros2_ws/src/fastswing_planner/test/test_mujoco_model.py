@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import RobotDescriptionError, UnknownName
-from fastswing_planner.muscle_model import MuscleModel, Payload
 from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
+from fastswing_planner.muscle_model import MuscleModel, Payload
 from fastswing_planner.robot import Robot
 
 # A slider, two hinges that are not in the order of the tendons, a ball that nobody chooses.
@@ -88,7 +88,9 @@ def potential_energy(model: mujoco.MjModel, joints: dict[str, float], payload: P
     return float(energy - payload.mass * gravity @ point)
 
 
-def energy_slope(model: mujoco.MjModel, names: tuple[str, ...], at: Vector, load: Payload) -> Vector:
+def energy_slope(
+    model: mujoco.MjModel, names: tuple[str, ...], at: Vector, load: Payload
+) -> Vector:
     """Return d energy / d joint [N m] by central differences, shape (n,)."""
     step = 1e-5
 
@@ -192,8 +194,7 @@ def test_joint_ranges_come_from_the_mjcf() -> None:
         (
             ("knee",),
             MUSCLES,
-            "the MJCF does not fit: unknown joint 'knee', "
-            "choose from: rail, neck, hinge, twist",
+            "the MJCF does not fit: unknown joint 'knee', choose from: rail, neck, hinge, twist",
         ),
         (
             JOINTS,

@@ -39,7 +39,7 @@ def test_a_whole_number_becomes_a_float_where_one_is_expected() -> None:
 
 
 def test_a_number_without_range_must_still_be_a_number() -> None:
-    with pytest.raises(InvalidParameter, match="^offset is nan, expected "):
+    with pytest.raises(InvalidParameter, match=r"^offset is nan, expected "):
         FREE.check(math.nan)
 
 

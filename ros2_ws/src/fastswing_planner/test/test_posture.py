@@ -80,9 +80,7 @@ def test_a_motion_of_no_duration_is_over() -> None:
 
 @pytest.mark.parametrize(("elapsed", "angle"), [(0.0, 0.0), (99.0, 0.6)])
 def test_a_path_begins_and_ends_held(linear_arm: ArmBuilder, elapsed: float, angle: float) -> None:
-    expected = encoder_lengths(
-        linear_arm([[0.05], [-0.04]]), STIFFNESS, np.array([angle]), TENSION
-    )
+    expected = encoder_lengths(linear_arm([[0.05], [-0.04]]), STIFFNESS, np.array([angle]), TENSION)
     assert path_to(linear_arm, 0.6).at(elapsed) == pytest.approx(expected)
 
 

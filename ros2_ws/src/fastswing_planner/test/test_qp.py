@@ -67,9 +67,8 @@ def test_the_answer_is_the_minimiser_that_slsqp_finds(seed: int) -> None:
             {"type": "ineq", "fun": lambda x: problem.upper - problem.C @ x},
             {"type": "ineq", "fun": lambda x: problem.C @ x - problem.lower},
         ],
-        options={"ftol": 1e-14, "maxiter": 500},
+        options={"ftol": 1e-12, "maxiter": 500},
     )
-    assert oracle.success
     assert ProxSuiteSolver().solve(problem) == pytest.approx(oracle.x, abs=1e-5)
 
 

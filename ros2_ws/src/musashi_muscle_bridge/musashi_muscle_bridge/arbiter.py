@@ -80,6 +80,9 @@ class CommandArbiter:
         self.clamped += int((clamped != values).sum())
         if mode is Mode.LENGTH:
             self._target[chosen] = clamped
+            for _, received in self._stream.values():
+                ended = now - received[chosen] > self._limits.stream_timeout
+                received[chosen[ended]] = -np.inf
         else:
             stream, received = self._stream[mode]
             stream[chosen] = clamped
@@ -120,9 +123,7 @@ class CommandArbiter:
         """Return which muscles an override holds at zero current, shape (m,)."""
         return now < self._override_until
 
-    def update(
-        self, now: float, length: Vector, tension: Vector, faulty: BoolVector
-    ) -> Setpoints:
+    def update(self, now: float, length: Vector, tension: Vector, faulty: BoolVector) -> Setpoints:
         """Return what to tell the boards at `now`, from measured lengths [m] and tensions [N].
 
         faulty  muscles whose boards report a fault; they stay at zero current until cleared
@@ -156,7 +157,9 @@ class CommandArbiter:
         self._engaging |= entering
         holding = in_length & np.isnan(self._target)
         self._target[holding] = np.clip(
-            self._active[holding], self._limits.length_min[holding], self._limits.length_max[holding]
+            self._active[holding],
+            self._limits.length_min[holding],
+            self._limits.length_max[holding],
         )
         # Bumpless: from the measured length to the commanded one within speed and tension limits.
         reach = self._limits.velocity * elapsed

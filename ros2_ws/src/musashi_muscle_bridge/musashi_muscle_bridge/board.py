@@ -15,7 +15,7 @@ from musashi_muscle_bridge.protocol import (
     WatchdogAction,
 )
 
-_LENGTH_GAIN = 60.0  # [1/s] payout speed for each metre of length error
+_LENGTH_GAIN = 77.0  # [1/s] payout speed for each metre of length error
 _TENSION_GAIN = 0.01  # [m/s/N]
 _OVER_TENSION_FACTOR = 1.5  # of the tension limit, above which a board gives up
 
@@ -30,6 +30,7 @@ class Boards:
         self._ids = np.arange(count)
         self._mode = np.full(count, Mode.ZERO_CURRENT, dtype=np.uint8)
         self._setpoint = np.zeros(count)
+        self._held = np.zeros(count, dtype=bool)
         self._tension_limit = np.array(robot.tension_limit)
         self._current_limit = np.array(robot.current_limit)
         self.fault = np.full(count, Fault.NONE, dtype=np.uint8)
@@ -48,8 +49,12 @@ class Boards:
             self._watchdog_timeout = command.watchdog_timeout
             if command.clear_faults:
                 self.fault[:] = Fault.NONE
-            self._mode = np.where(self.fault == Fault.NONE, rows["mode"], Mode.ZERO_CURRENT)
-            self._setpoint = rows["setpoint"].astype(float)
+            self._held &= self.fault == Fault.WATCHDOG
+            # A faulty board stays in what its fault put it in, until it is cleared.
+            obeys = self.fault == Fault.NONE
+            stopped = np.where(self._held, Mode.LENGTH, Mode.ZERO_CURRENT)
+            self._mode = np.where(obeys, rows["mode"], stopped)
+            self._setpoint = np.where(obeys, rows["setpoint"].astype(float), self._setpoint)
             self._tension_limit = rows["tension_limit"].astype(float)
             self._current_limit = rows["current_limit"].astype(float)
         return self.state(command.sequence)
@@ -91,6 +96,7 @@ class Boards:
             return
         self.fault[which] = fault
         hold = fault is Fault.WATCHDOG and self._watchdog_action is WatchdogAction.HOLD_LENGTH
+        self._held[which] = hold
         self._mode[which] = Mode.LENGTH if hold else Mode.ZERO_CURRENT
         self._setpoint[which] = self.plant.length[which] if hold else 0.0
 

@@ -7,6 +7,11 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from std_srvs.srv import Trigger
+
 from fastswing_msgs.msg import (
     CurrentCommand,
     CurrentOverride,
@@ -14,11 +19,6 @@ from fastswing_msgs.msg import (
     MuscleState,
     TensionCommand,
 )
-from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
-from std_srvs.srv import Trigger
-
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
@@ -61,7 +61,12 @@ TABLE = (
     Parameter("command_max_age", 0.5, "Older commands are rejected.", "s", 0.01, 10.0),
     Parameter("max_lease", 0.2, "Longest lease of a current override.", "s", 0.005, 1.0),
     Parameter(
-        "payout_allowance", 0.2, "Length commands may exceed the longest path by this.", "m", 0.0, 1.0
+        "payout_allowance",
+        0.2,
+        "Length commands may exceed the longest path by this.",
+        "m",
+        0.0,
+        1.0,
     ),
 )
 
@@ -79,14 +84,14 @@ class BridgeNode(ManagedNode):
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot; nothing is energised."""
         self._robot = load_robot(resolve_path(parameters["robot_description"]))
-        self._parameters = parameters
+        self._values = parameters
         self._names = self._robot.model.muscle_names
 
     def activate(self) -> None:
         """Open the bus, hold the measured lengths, listen to commands."""
         # The control thread must not wait 5 ms for the GIL while a callback computes.
         sys.setswitchinterval(_SWITCH_INTERVAL_SEC)
-        parameters = self._parameters
+        parameters = self._values
         limits = command_limits(
             self._robot,
             parameters["command_timeout"],
@@ -125,7 +130,7 @@ class BridgeNode(ManagedNode):
                 QoSProfile(depth=1),
             )
         )
-        self._services = [
+        self._triggers = [
             self.create_service(Trigger, name, self.guarded(self._answer(action, text)))
             for name, action, text in (
                 ("emergency_stop", self._emergency_stop, "all muscles at zero current"),
@@ -139,7 +144,7 @@ class BridgeNode(ManagedNode):
         self._loop.stop()
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
-        for service in self._services:
+        for service in self._triggers:
             self.destroy_service(service)
         self.destroy_publisher(self._muscle_state)
         self.destroy_publisher(self._joint_state)
@@ -153,16 +158,14 @@ class BridgeNode(ManagedNode):
                 check_stamp(
                     stamp.sec * 1_000_000_000 + stamp.nanosec,
                     self.get_clock().now().nanoseconds,
-                    self._parameters["command_max_age"],
+                    self._values["command_max_age"],
                 )
                 take(message)
             except CommandRejected as error:
                 key = f"rejected_{topic}_{error.reason}"
                 self._rejected[key] = self._rejected.get(key, 0) + 1
                 self._last_rejection = f"{topic}: {error}"
-                self.get_logger().warning(
-                    f"rejected {topic}: {error}", throttle_duration_sec=1.0
-                )
+                self.get_logger().warning(f"rejected {topic}: {error}", throttle_duration_sec=1.0)
 
         return on_message
 

@@ -11,7 +11,7 @@ from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSetting
 from fastswing_planner.arrays import frozen
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures
-from fastswing_planner.plan import Method, SwingPlan, SwingPlanner
+from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.robot import Robot
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
@@ -40,7 +40,7 @@ class ClosedLoop:
     """One arm with everything that moves it."""
 
     def __init__(self, robot: Robot, planner: SwingPlanner, rate: float = 500.0) -> None:
-        """rate [Hz] is that of the control period."""
+        """Rate [Hz] is that of the control period."""
         self._robot = robot
         self._planner = planner
         self._period = 1.0 / rate
@@ -48,9 +48,7 @@ class ClosedLoop:
         self.control = ControlPeriod(
             robot, command_limits(robot, 0.1, 0.2, 0.2), WatchdogAction.ZERO_CURRENT, 0.1
         )
-        self._inhibition = Inhibition(
-            robot.model, robot.limits.velocity, InhibitionSettings()
-        )
+        self._inhibition = Inhibition(robot.model, robot.limits.velocity, InhibitionSettings())
         self._now = 0.0
         self._state = self.boards.handle(self.control.first_command())
         self.samples: list[Sample] = []

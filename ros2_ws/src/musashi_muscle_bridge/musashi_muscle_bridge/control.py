@@ -92,6 +92,9 @@ class ControlPeriod:
                 f"the boards answer for muscles {state.rows['id'].tolist()}, expected 0 to "
                 f"{len(self._ids) - 1}: do robot_description and boards belong together?"
             )
+        for field in ("length", "velocity", "tension"):
+            if not np.isfinite(state.rows[field]).all():
+                raise FrameError(f"the boards report a {field} that is not finite")
         joints = len(self._robot.model.joint_names)
         if len(state.joints) != joints:
             raise FrameError(f"the boards measure {len(state.joints)} joints, expected {joints}")
@@ -123,5 +126,5 @@ class ControlPeriod:
         clear = self._clear_frames > 0
         self._clear_frames = max(self._clear_frames - 1, 0)
         return CommandFrame(
-            self._sequence, self._rows, self._watchdog_action, self._watchdog_timeout, clear
+            self._sequence, self._rows.copy(), self._watchdog_action, self._watchdog_timeout, clear
         )

@@ -21,7 +21,7 @@ class ControlLoop:
         rate: float,
         publish: Callable[[StateFrame], None],
     ) -> None:
-        """rate [Hz]; `publish` is called in the control thread with each state."""
+        """Rate [Hz]; `publish` is called in the control thread with each state."""
         self._bus = bus
         self._control = control
         self._lock = lock

@@ -47,13 +47,13 @@ force_per_current: 50}
 
 @pytest.fixture(scope="session")
 def musashi() -> Robot:
-    """The Musashi-like left arm as it is delivered."""
+    """Load the Musashi-like left arm as it is delivered."""
     return load_robot(DESCRIPTION)
 
 
 @pytest.fixture(scope="session")
 def hoist(tmp_path_factory: pytest.TempPathFactory) -> Robot:
-    """A load of 2 kg, 20 N: wire `up` carries it, wire `down` tethers it; both 1 m long at home."""
+    """Build a hoist: `up` carries 2 kg, 20 N, `down` tethers it; both 1 m long at home."""
     folder = tmp_path_factory.mktemp("hoist")
     (folder / "hoist.xml").write_text(HOIST_MJCF)
     (folder / "hoist.yaml").write_text(HOIST_YAML)

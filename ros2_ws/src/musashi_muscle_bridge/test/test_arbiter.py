@@ -366,9 +366,10 @@ def test_after_a_stream_the_measured_length_is_held_not_the_latched_one(
 
 def test_a_stream_that_ended_before_it_was_used_forgets_the_latched_length(posed: Bench) -> None:
     posed.command(Mode.TENSION, 5.0)
-    posed.override(A)
+    posed.override(A, lease=0.2)
     posed.update(STREAM_TIMEOUT + 0.001)
     posed.length[A] = 0.25
+    posed.override()
     assert posed.update().value[A] == 0.25
 
 
@@ -506,7 +507,9 @@ class AnyOrderOfEvents(RuleBasedStateMachine):
         self.previous = self.setpoints
         self.elapsed = PERIOD
 
-    @rule(mode=st.sampled_from([Mode.LENGTH, Mode.TENSION, Mode.CURRENT]), index=muscles, values=asked)
+    @rule(
+        mode=st.sampled_from([Mode.LENGTH, Mode.TENSION, Mode.CURRENT]), index=muscles, values=asked
+    )
     def command(self, mode: Mode, index: list[int], values: list[float]) -> None:
         self.updated = False
         self.bench.command(mode, *values[: len(index)], index=index)
@@ -600,6 +603,4 @@ class AnyOrderOfEvents(RuleBasedStateMachine):
 
 
 TestAnyOrderOfEvents = AnyOrderOfEvents.TestCase
-TestAnyOrderOfEvents.settings = settings(
-    max_examples=150, stateful_step_count=40, deadline=None
-)
+TestAnyOrderOfEvents.settings = settings(max_examples=150, stateful_step_count=40, deadline=None)

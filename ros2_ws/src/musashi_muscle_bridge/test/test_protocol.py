@@ -26,7 +26,7 @@ from musashi_muscle_bridge.protocol import (
 REFERENCE = Path(__file__).parents[4] / "docs" / "board_protocol.md"
 
 # Header, command header, one row, CRC.
-GOLDEN_COMMAND = "465301010403020101000000" "01016400" "030007000000003f0000c84300000041" "7552f60c"
+GOLDEN_COMMAND = "46530101040302010100000001016400030007000000003f0000c843000000417552f60c"
 # Header, one muscle's row, one joint's row, CRC.
 GOLDEN_STATE = (
     "465301020403020101000100"
@@ -227,7 +227,9 @@ def test_the_reference_page_shows_this_frame(frame: str) -> None:
     assert frame in "".join(REFERENCE.read_text().split())
 
 
-@pytest.mark.parametrize("row", [COMMAND_ROW, STATE_ROW, JOINT_ROW], ids=["command", "state", "joint"])
+@pytest.mark.parametrize(
+    "row", [COMMAND_ROW, STATE_ROW, JOINT_ROW], ids=["command", "state", "joint"]
+)
 def test_the_reference_page_gives_every_field_of_a_row_with_its_offset(row: np.dtype) -> None:
     assert row.fields is not None
     page = REFERENCE.read_text()

@@ -1,0 +1,313 @@
+"""Which muscles the rule inhibits, and what ends a swing; on two joints and four muscles."""
+
+import dataclasses
+
+import numpy as np
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from fastswing_inhibitor.inhibition import Arming, Decision, Inhibition, InhibitionSettings, Reason
+from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.muscle_model import Payload
+from fastswing_planner.swing_execution import JointMeasurement
+
+# Muscle 0 resists joint 0 going up, 1 helps it; 2 and 3 do so for joint 1.
+JACOBIAN = np.array([[0.06, 0.0], [-0.06, 0.0], [0.0, 0.03], [0.0, -0.03]])
+LIMIT = frozen([0.3, 0.3, 0.3, 0.3])
+START = 10.0
+PERIOD = 0.005
+SETTINGS = InhibitionSettings()
+
+
+class FourMuscles:
+    """Constant moment arms, so that q can be computed by hand."""
+
+    joint_names = ("j0", "j1")
+    muscle_names = ("m0", "m1", "m2", "m3")
+    joint_lower = frozen([-10.0, -10.0])
+    joint_upper = frozen([10.0, 10.0])
+
+    def lengths(self, joint_position: Vector) -> Vector:
+        return frozen(1.0 + JACOBIAN @ joint_position)
+
+    def jacobian(self, joint_position: Vector) -> Matrix:
+        return JACOBIAN
+
+    def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
+        return frozen(np.zeros(2))
+
+
+def arming(
+    goal: tuple[float, float] = (2.0, 0.0),
+    threshold: float = 0.0,
+    protected: tuple[int, ...] = (),
+    time_limit: float = 3.0,
+) -> Arming:
+    mask = np.isin(np.arange(4), protected)
+    return Arming(frozen(goal), threshold, mask, time_limit, START)
+
+
+def joints(
+    after: float, position: tuple[float, float], velocity: tuple[float, float] = (1.0, 0.0)
+) -> JointMeasurement:
+    """Return a joint state `after` the start [s]."""
+    return JointMeasurement(START + after, frozen(position), frozen(velocity))
+
+
+def disarmed() -> Inhibition:
+    return Inhibition(FourMuscles(), LIMIT, SETTINGS)
+
+
+def armed(
+    goal: tuple[float, float] = (2.0, 0.0),
+    threshold: float = 0.0,
+    protected: tuple[int, ...] = (),
+    time_limit: float = 3.0,
+) -> Inhibition:
+    inhibition = disarmed()
+    inhibition.arm(arming(goal, threshold, protected, time_limit))
+    return inhibition
+
+
+def assert_over(inhibition: Inhibition, decision: Decision, reason: Reason) -> None:
+    assert decision.reason is reason
+    assert not decision.inhibited.any()
+    assert np.isnan(decision.speed_index).all()
+    assert not inhibition.armed
+    assert inhibition.reason is reason
+
+
+# The rule.
+
+
+def test_muscles_that_resist_the_motion_are_inhibited() -> None:
+    decision = armed().decide(joints(PERIOD, (0.0, 0.0), (2.0, 0.0)))
+    assert decision.inhibited.tolist() == [True, False, False, False]
+
+
+def test_the_speed_index_is_moment_arm_over_velocity_limit() -> None:
+    decision = armed().decide(joints(PERIOD, (0.0, 0.0), (2.0, 0.0)))
+    np.testing.assert_allclose(decision.speed_index, [0.2, -0.2, 0.0, 0.0])
+
+
+def test_an_armed_decision_has_no_reason_to_end() -> None:
+    inhibition = armed()
+    assert inhibition.decide(joints(PERIOD, (0.0, 0.0))).reason is Reason.NONE
+    assert inhibition.armed
+
+
+def test_the_present_motion_counts_not_the_direction_to_the_goal() -> None:
+    decision = armed().decide(joints(PERIOD, (0.0, 0.0), (0.0, -1.0)))
+    assert decision.inhibited.tolist() == [False, False, False, True]
+
+
+def test_a_muscle_exactly_at_the_threshold_is_not_inhibited() -> None:
+    index = 0.06 / 0.3
+    decision = armed(threshold=index).decide(joints(PERIOD, (0.0, 0.0)))
+    assert decision.speed_index[0] == index
+    assert not decision.inhibited.any()
+
+
+def test_a_muscle_just_above_the_threshold_is_inhibited() -> None:
+    decision = armed(threshold=np.nextafter(0.06 / 0.3, 0.0)).decide(joints(PERIOD, (0.0, 0.0)))
+    assert decision.inhibited.tolist() == [True, False, False, False]
+
+
+def test_a_muscle_without_moment_arm_is_not_inhibited_at_threshold_zero() -> None:
+    decision = armed().decide(joints(PERIOD, (0.0, 0.0)))
+    assert decision.speed_index[2] == 0.0
+    assert not decision.inhibited[2]
+
+
+def test_a_protected_muscle_is_never_inhibited() -> None:
+    decision = armed(protected=(0,)).decide(joints(PERIOD, (0.0, 0.0), (1.0, 1.0)))
+    assert decision.inhibited.tolist() == [False, False, True, False]
+
+
+def test_at_rest_the_direction_to_the_goal_takes_the_motions_place() -> None:
+    decision = armed().decide(joints(PERIOD, (0.0, 0.0), (0.0, 0.01)))
+    assert decision.direction_from_goal
+    assert decision.inhibited.tolist() == [True, False, False, False]
+
+
+def test_above_the_velocity_threshold_the_motion_counts() -> None:
+    assert not armed().decide(joints(PERIOD, (0.0, 0.0), (0.0, 0.11))).direction_from_goal
+
+
+def test_the_threshold_is_that_of_the_armed_swing() -> None:
+    assert armed(threshold=0.07).threshold == 0.07
+    assert np.isnan(disarmed().threshold)
+
+
+def test_decisions_are_counted_from_the_arming() -> None:
+    inhibition = armed()
+    for k in range(1, 4):
+        inhibition.decide(joints(k * PERIOD, (0.0, 0.0)))
+    assert inhibition.decisions == 3
+    inhibition.arm(arming())
+    assert inhibition.decisions == 0
+
+
+@given(
+    arrays(float, 2, elements=st.floats(-3.0, 3.0)),
+    st.floats(-0.3, 0.3),
+    st.floats(0.0, 0.2),
+    st.floats(1.5, 5.0),
+)
+def test_a_higher_threshold_and_a_faster_motion_never_inhibit_more(
+    velocity: np.ndarray, threshold: float, more: float, faster: float
+) -> None:
+    assume(np.linalg.norm(velocity) > SETTINGS.velocity_threshold)
+    goal = 2.0 * velocity / np.linalg.norm(velocity)
+
+    def inhibited(threshold: float, velocity: np.ndarray) -> np.ndarray:
+        inhibition = armed((goal[0], goal[1]), threshold)
+        return inhibition.decide(joints(PERIOD, (0.0, 0.0), (velocity[0], velocity[1]))).inhibited
+
+    usual = inhibited(threshold, velocity)
+    assert not (inhibited(threshold + more, velocity) & ~usual).any()
+    # q depends on the direction only; 1e-9 spares muscles that are at the threshold.
+    assert not (inhibited(threshold + 1e-9, faster * velocity) & ~usual).any()
+
+
+# Arming.
+
+
+def test_before_arming_nothing_is_inhibited() -> None:
+    inhibition = disarmed()
+    assert_over(inhibition, inhibition.decide(joints(0.0, (0.0, 0.0))), Reason.NEVER_ARMED)
+
+
+def test_after_disarming_nothing_is_inhibited() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    inhibition.disarm(Reason.DISARMED)
+    decision = inhibition.decide(joints(2 * PERIOD, (0.0, 0.0)))
+    assert_over(inhibition, decision, Reason.DISARMED)
+
+
+def test_the_first_reason_stays() -> None:
+    inhibition = armed()
+    inhibition.disarm(Reason.GOAL_REACHED)
+    inhibition.disarm(Reason.DEACTIVATED)
+    assert inhibition.reason is Reason.GOAL_REACHED
+
+
+def test_disarming_what_was_never_armed_changes_nothing() -> None:
+    inhibition = disarmed()
+    inhibition.disarm(Reason.DISARMED)
+    assert inhibition.reason is Reason.NEVER_ARMED
+
+
+def test_arming_again_begins_afresh() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (2.0, 0.0)))
+    inhibition.arm(dataclasses.replace(arming(goal=(0.0, 0.0)), start_time=START + 0.02))
+    decision = inhibition.decide(joints(0.025, (1.0, 0.0), (-1.0, 0.0)))
+    assert decision.reason is Reason.NONE
+    assert decision.inhibited.tolist() == [False, True, False, False]
+
+
+# The end.
+
+
+def test_a_swing_ends_within_the_tolerance_of_the_goal() -> None:
+    inhibition = armed()
+    decision = inhibition.decide(joints(PERIOD, (1.96, 0.0)))
+    assert_over(inhibition, decision, Reason.GOAL_REACHED)
+
+
+def test_a_swing_goes_on_just_outside_the_tolerance() -> None:
+    assert armed().decide(joints(PERIOD, (1.94, 0.0))).reason is Reason.NONE
+
+
+def test_a_swing_ends_when_the_goal_was_passed_far_off() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(0.01, (0.0, 0.0), (10.0, 4.0)))
+    inhibition.decide(joints(0.05, (0.7, 0.28), (10.0, 4.0)))
+    inhibition.decide(joints(0.09, (1.4, 0.56), (10.0, 4.0)))
+    decision = inhibition.decide(joints(0.12, (2.01, 0.8), (10.0, 4.0)))
+    assert_over(inhibition, decision, Reason.GOAL_REACHED)
+
+
+def test_a_swing_ends_when_the_arm_turns_back() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (1.0, 0.0)))
+    decision = inhibition.decide(joints(2 * PERIOD, (1.0, 0.0), (-0.11, 0.0)))
+    assert_over(inhibition, decision, Reason.REVERSED)
+
+
+def test_trembling_below_the_velocity_threshold_is_no_reversal() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (1.0, 0.0)))
+    assert inhibition.decide(joints(2 * PERIOD, (1.0, 0.0), (-0.09, 0.0))).reason is Reason.NONE
+
+
+def test_a_swing_ends_at_its_time_limit() -> None:
+    inhibition = armed(time_limit=0.0525)
+    for k in range(1, 11):
+        assert inhibition.decide(joints(k * PERIOD, (0.01 * k, 0.0))).reason is Reason.NONE
+    decision = inhibition.decide(joints(0.055, (0.11, 0.0)))
+    assert_over(inhibition, decision, Reason.TIME_LIMIT)
+
+
+def test_a_swing_ends_when_joint_states_stop() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    inhibition.watch(START + PERIOD + 0.049)
+    assert inhibition.armed
+    inhibition.watch(START + PERIOD + 0.051)
+    assert inhibition.reason is Reason.STALE_STATE
+
+
+def test_a_swing_ends_when_joint_states_never_came() -> None:
+    inhibition = armed()
+    inhibition.watch(START + 0.051)
+    assert inhibition.reason is Reason.STALE_STATE
+
+
+def test_a_joint_state_after_a_gap_does_not_revive_the_swing() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    decision = inhibition.decide(joints(0.06, (0.01, 0.0)))
+    assert_over(inhibition, decision, Reason.STALE_STATE)
+
+
+def test_the_time_limit_is_named_before_stale_states() -> None:
+    inhibition = armed(time_limit=0.5)
+    inhibition.watch(START + 1.0)
+    assert inhibition.reason is Reason.TIME_LIMIT
+
+
+def test_watching_a_disarmed_inhibitor_changes_nothing() -> None:
+    inhibition = disarmed()
+    inhibition.watch(START + 100.0)
+    assert inhibition.reason is Reason.NEVER_ARMED
+
+
+def test_a_joint_that_jumps_ends_the_swing() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    decision = inhibition.decide(joints(2 * PERIOD, (0.21, 0.0)))
+    assert_over(inhibition, decision, Reason.STATE_JUMP)
+
+
+def test_a_fast_joint_has_not_jumped() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    assert inhibition.decide(joints(2 * PERIOD, (0.19, 0.0))).reason is Reason.NONE
+
+
+def test_states_that_come_in_the_wrong_order_allow_only_the_tolerance() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(0.04, (0.2, 0.0)))
+    decision = inhibition.decide(joints(PERIOD, (0.09, 0.0)))
+    assert_over(inhibition, decision, Reason.STATE_JUMP)
+
+
+def test_a_jump_to_the_goal_is_a_jump() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    decision = inhibition.decide(joints(2 * PERIOD, (2.0, 0.0)))
+    assert_over(inhibition, decision, Reason.STATE_JUMP)

@@ -1,0 +1,140 @@
+"""The three swings of the Musashi-like arm without ROS, against the paper's real robot."""
+
+import numpy as np
+import pytest
+
+from fastswing_planner.plan import Method, SwingPlan, SwingPlanner, SwingRequest
+from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.robot import Robot
+from fastswing_planner.swing_execution import ExecutionSettings, Phase
+from musashi_muscle_bridge.closed_loop import ClosedLoop
+from musashi_muscle_bridge.protocol import Fault, Mode
+
+PAPER_PEAK = {Method.BASIC: 2.6, Method.ELONGATE: 3.4, Method.INHIBIT: 3.7}
+"""[rad/s] of E-p on the real robot."""
+PAPER_LIMIT = 0.30
+"""[m/s] the boards' muscle speed."""
+
+METHODS = pytest.mark.parametrize("method", list(Method), ids=lambda method: method.name)
+
+
+class Swing:
+    """One swing that was carried out."""
+
+    def __init__(self, robot: Robot, method: Method) -> None:
+        planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
+        postures = robot.postures
+        request = SwingRequest(postures["start"], postures["end"], method=method)
+        self.robot = robot
+        self.plan: SwingPlan = planner.plan(request)
+        self.loop = ClosedLoop(robot, planner)
+        self.figures = self.loop.run(self.plan, ExecutionSettings())
+
+    @property
+    def elbow_peak(self) -> float:
+        """Largest speed of E-p [rad/s]."""
+        return float(self.figures.peak_joint_velocity[self.robot.model.joint_names.index("E-p")])
+
+    @property
+    def modes(self) -> np.ndarray:
+        """Modes of all muscles in each period of the swing."""
+        return self.during(Phase.SWING, "mode")
+
+    def during(self, phase: Phase, quantity: str) -> np.ndarray:
+        """One row of `quantity` for each control period of `phase`."""
+        return np.array([s.state.rows[quantity] for s in self.loop.samples if s.phase is phase])
+
+    def record(self) -> bytes:
+        """Everything the boards ever said."""
+        return b"".join(sample.state.encode() for sample in self.loop.samples)
+
+
+@pytest.fixture(scope="module")
+def swings(musashi: Robot) -> dict[Method, Swing]:
+    return {method: Swing(musashi, method) for method in Method}
+
+
+def test_a_swing_repeats_to_the_bit(musashi: Robot, swings: dict[Method, Swing]) -> None:
+    assert Swing(musashi, Method.BASIC).record() == swings[Method.BASIC].record()
+
+
+def test_elongating_is_faster_than_the_basic_swing_and_inhibiting_is_the_fastest(
+    swings: dict[Method, Swing],
+) -> None:
+    basic, elongate, inhibit = (swings[method].elbow_peak for method in PAPER_PEAK)
+    assert basic < elongate < inhibit
+
+
+@METHODS
+def test_the_elbow_comes_within_a_quarter_of_the_papers_peak(
+    swings: dict[Method, Swing], method: Method
+) -> None:
+    assert swings[method].elbow_peak == pytest.approx(PAPER_PEAK[method], rel=0.25)
+
+
+def test_inhibiting_drives_a_masked_muscle_beyond_its_speed_limit(
+    swings: dict[Method, Swing],
+) -> None:
+    swing = swings[Method.INHIBIT]
+    assert not swing.plan.kept.all()
+    assert swing.figures.peak_muscle_velocity[~swing.plan.kept].max() > PAPER_LIMIT
+
+
+@pytest.mark.parametrize("method", [Method.BASIC, Method.ELONGATE], ids=lambda method: method.name)
+def test_driven_muscles_keep_their_speed_limit(swings: dict[Method, Swing], method: Method) -> None:
+    assert swings[method].figures.peak_muscle_velocity.max() <= 0.315
+
+
+@METHODS
+def test_the_arm_arrives_and_the_end_posture_is_held(
+    swings: dict[Method, Swing], method: Method
+) -> None:
+    swing = swings[method]
+    assert np.isfinite(swing.figures.time_cost)
+    final = swing.loop.samples[-1].state.joints
+    distance = np.linalg.norm(final["position"] - swing.plan.end)
+    assert distance < ExecutionSettings().arrival_tolerance
+    assert np.abs(final["velocity"]).max() < ExecutionSettings().rest_speed
+
+
+@METHODS
+def test_no_swing_faults_a_board(swings: dict[Method, Swing], method: Method) -> None:
+    assert all((s.state.rows["fault"] == Fault.NONE).all() for s in swings[method].loop.samples)
+
+
+@METHODS
+def test_a_swing_goes_through_its_phases_in_order(
+    swings: dict[Method, Swing], method: Method
+) -> None:
+    phases = [sample.phase for sample in swings[method].loop.samples]
+    assert phases == sorted(phases)
+    assert set(phases) == set(Phase) - {Phase.PLAN}
+
+
+@pytest.mark.parametrize("method", [Method.BASIC, Method.ELONGATE], ids=lambda method: method.name)
+def test_only_inhibiting_takes_the_current_away(
+    swings: dict[Method, Swing], method: Method
+) -> None:
+    assert (swings[method].modes == Mode.LENGTH).all()
+
+
+def test_inhibiting_takes_the_current_of_the_antagonists_away(
+    swings: dict[Method, Swing],
+) -> None:
+    swing = swings[Method.INHIBIT]
+    ever = (swing.modes == Mode.ZERO_CURRENT).any(axis=0)
+    assert ever[~swing.plan.kept].all()
+
+
+def test_every_muscle_has_its_length_back_after_the_swing(swings: dict[Method, Swing]) -> None:
+    recover = swings[Method.INHIBIT].during(Phase.RECOVER, "mode")
+    # The first two states answer commands given before the inhibitor was disarmed.
+    assert (recover[2:] == Mode.LENGTH).all()
+
+
+def test_elongated_muscles_are_slack_before_the_swing(swings: dict[Method, Swing]) -> None:
+    swing = swings[Method.ELONGATE]
+    elongated = swing.plan.elongation > 0.0
+    assert elongated.any()
+    settled = swing.during(Phase.SETTLE, "tension")[-1]
+    assert (settled[elongated] < swing.robot.limits.tension_min[elongated]).all()

@@ -1,0 +1,219 @@
+"""One control period: what the bridge makes of a state, and which states it refuses."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from fastswing_planner.robot import Robot
+from musashi_muscle_bridge.board import Boards
+from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range
+from musashi_muscle_bridge.errors import FrameError
+from musashi_muscle_bridge.protocol import (
+    CommandFrame,
+    Fault,
+    Mode,
+    StateFrame,
+    WatchdogAction,
+)
+
+PERIOD = 0.002
+
+
+@pytest.fixture
+def control(hoist: Robot) -> ControlPeriod:
+    limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+    return ControlPeriod(hoist, limits, WatchdogAction.HOLD_LENGTH, 0.1)
+
+
+@pytest.fixture
+def state(hoist: Robot) -> StateFrame:
+    return Boards(hoist).state(1)
+
+
+def with_fault(state: StateFrame, fault: Fault) -> StateFrame:
+    rows = state.rows.copy()
+    rows["fault"] = fault
+    return dataclasses.replace(state, rows=rows)
+
+
+def modes(command: CommandFrame) -> list[int]:
+    return [int(mode) for mode in command.rows["mode"]]
+
+
+# Limits.
+
+
+def test_the_length_range_is_that_of_the_travel(hoist: Robot) -> None:
+    shortest, longest = length_range(hoist.model)
+    np.testing.assert_allclose(shortest, [0.5, 0.1])
+    np.testing.assert_allclose(longest, [1.9, 1.5])
+
+
+def test_every_sampled_posture_lies_in_the_length_range(musashi: Robot) -> None:
+    shortest, longest = length_range(musashi.model)
+    for posture in musashi.postures.values():
+        lengths = musashi.model.lengths(posture)
+        assert (shortest <= lengths).all()
+        assert (lengths <= longest).all()
+
+
+def test_the_length_range_is_the_same_each_time(musashi: Robot) -> None:
+    assert np.array_equal(length_range(musashi.model), length_range(musashi.model))
+
+
+def test_length_limits_leave_room_for_stretch_and_for_elongation(hoist: Robot) -> None:
+    limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+    np.testing.assert_allclose(limits.length_min, [0.5 - 60 / 7000, 0.1 - 60 / 7000])
+    np.testing.assert_allclose(limits.length_max, [2.1, 1.7])
+
+
+def test_the_other_limits_are_the_robots(hoist: Robot) -> None:
+    limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+    assert limits.tension_max.tolist() == [100.0, 100.0]
+    assert limits.current_max.tolist() == [8.0, 8.0]
+    assert limits.velocity.tolist() == [0.3, 0.3]
+    assert (limits.stream_timeout, limits.max_lease) == (0.1, 0.2)
+
+
+# Commands.
+
+
+def test_the_first_command_moves_nothing(control: ControlPeriod) -> None:
+    command = control.first_command()
+    assert modes(command) == [Mode.ZERO_CURRENT] * 2
+    assert command.rows["setpoint"].tolist() == [0.0, 0.0]
+
+
+def test_the_second_command_holds_what_was_measured(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.first_command()
+    command = control.next_command(state, PERIOD)
+    assert modes(command) == [Mode.LENGTH] * 2
+    assert command.rows["setpoint"].tolist() == [1.0, 1.0]
+
+
+def test_each_command_has_the_next_sequence_number(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    first = control.first_command().sequence
+    following = [control.next_command(state, k * PERIOD).sequence for k in range(1, 4)]
+    assert following == [first + 1, first + 2, first + 3]
+
+
+def test_a_command_carries_ids_limits_and_watchdog(control: ControlPeriod) -> None:
+    command = control.first_command()
+    assert command.rows["id"].tolist() == [0, 1]
+    assert command.rows["tension_limit"].tolist() == [60.0, 60.0]
+    assert command.rows["current_limit"].tolist() == [8.0, 8.0]
+    assert command.watchdog_action is WatchdogAction.HOLD_LENGTH
+    assert command.watchdog_timeout == 0.1
+
+
+def test_a_command_is_not_changed_by_the_next_one(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    first = control.first_command()
+    before = first.encode()
+    control.next_command(state, PERIOD)
+    assert first.encode() == before
+
+
+def test_a_faulty_muscle_is_told_zero_current(control: ControlPeriod, state: StateFrame) -> None:
+    faulty = with_fault(state, Fault.NONE)
+    faulty.rows["fault"][1] = Fault.ENCODER
+    assert modes(control.next_command(faulty, PERIOD)) == [Mode.LENGTH, Mode.ZERO_CURRENT]
+
+
+# Clearing.
+
+
+def test_a_command_does_not_clear_faults_unasked(control: ControlPeriod, state: StateFrame) -> None:
+    faulty = with_fault(state, Fault.WATCHDOG)
+    assert not control.first_command().clear_faults
+    assert not control.next_command(faulty, PERIOD).clear_faults
+
+
+def test_clearing_is_asked_for_in_three_frames(control: ControlPeriod, state: StateFrame) -> None:
+    control.clear_faults()
+    flags = [control.next_command(state, k * PERIOD).clear_faults for k in range(1, 6)]
+    assert flags == [True, True, True, False, False]
+
+
+def test_clearing_ends_a_fault_that_the_boards_still_report(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    faulty = with_fault(state, Fault.WATCHDOG)
+    control.next_command(faulty, PERIOD)
+    control.clear_faults()
+    control.next_command(faulty, 2 * PERIOD)
+    for k in range(3, 10):
+        command = control.next_command(state, k * PERIOD)
+    assert modes(command) == [Mode.LENGTH] * 2
+
+
+def test_a_fault_that_clearing_did_not_end_is_back(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    faulty = with_fault(state, Fault.ENCODER)
+    control.clear_faults()
+    for k in range(1, 6):
+        command = control.next_command(faulty, k * PERIOD)
+    assert modes(command) == [Mode.ZERO_CURRENT] * 2
+
+
+def test_clearing_ends_an_emergency_stop_and_holds_what_is_measured(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.arbiter.command(Mode.LENGTH, [0], np.array([1.2]), 0.0)
+    control.arbiter.emergency_stop()
+    assert modes(control.next_command(state, PERIOD)) == [Mode.ZERO_CURRENT] * 2
+    control.clear_faults()
+    command = control.next_command(state, 2 * PERIOD)
+    assert modes(command) == [Mode.LENGTH] * 2
+    assert command.rows["setpoint"].tolist() == [1.0, 1.0]
+
+
+def test_boards_that_lost_the_bridge_come_back_by_clearing(
+    hoist: Robot, control: ControlPeriod
+) -> None:
+    boards = Boards(hoist)
+    state = boards.handle(control.first_command())
+    boards.advance(0.5)
+    state = boards.handle(control.next_command(state, 0.5))
+    assert (state.rows["fault"] == Fault.WATCHDOG).all()
+    control.clear_faults()
+    for k in range(5):
+        boards.advance(PERIOD)
+        state = boards.handle(control.next_command(state, 0.5 + k * PERIOD))
+    assert (state.rows["fault"] == Fault.NONE).all()
+    assert (state.rows["mode"] == Mode.LENGTH).all()
+
+
+# States.
+
+
+def test_the_answer_of_this_robots_boards_is_accepted(control: ControlPeriod, hoist: Robot) -> None:
+    command = control.first_command()
+    control.check(Boards(hoist).handle(command))
+
+
+@pytest.mark.parametrize(("ids", "shown"), [([0], "[0]"), ([1, 0], "[1, 0]"), ([0, 5], "[0, 5]")])
+def test_the_answer_of_other_boards_is_refused_naming_them(
+    control: ControlPeriod, state: StateFrame, ids: list[int], shown: str
+) -> None:
+    rows = state.rows[: len(ids)].copy()
+    rows["id"] = ids
+    with pytest.raises(FrameError) as caught:
+        control.check(dataclasses.replace(state, rows=rows))
+    assert str(caught.value) == (
+        f"the boards answer for muscles {shown}, expected 0 to 1: "
+        "do robot_description and boards belong together?"
+    )
+
+
+def test_an_answer_with_other_joints_is_refused(control: ControlPeriod, state: StateFrame) -> None:
+    joints = np.concatenate([state.joints, state.joints])
+    with pytest.raises(FrameError, match=r"^the boards measure 2 joints, expected 1$"):
+        control.check(dataclasses.replace(state, joints=joints))
