@@ -209,11 +209,13 @@ def _phase_printer(name: str) -> Callable[[Phase], None]:
 
 
 def prepare(output: Path) -> None:
-    """Make the output folder and remove what an earlier demo left in it."""
-    (output / "logs").mkdir(parents=True, exist_ok=True)
-    names = [f"{name}.mcap" for name in METHODS]
-    for name in [*names, "summary.json", "swing.png", "report.html"]:
-        (output / name).unlink(missing_ok=True)
+    """Make an empty output folder; an earlier demo's is renamed, as nothing recorded is lost."""
+    if output.exists():
+        stamp = time.strftime("%Y%m%d_%H%M%S", time.localtime(output.stat().st_mtime))
+        earlier = output.with_name(f"{output.name}_{stamp}")
+        output.rename(earlier)
+        print(f"the earlier results are now in {earlier}")
+    (output / "logs").mkdir(parents=True)
 
 
 def swing_all(output: Path, environment: dict[str, str]) -> dict[str, Any]:
