@@ -207,6 +207,12 @@ class SwingPlanner:
         protected[unique_known("muscle", request.kept_muscles, model.muscle_names)] = True
         threshold = checked_threshold(request.threshold)
         payload = _checked_payload(request.payload)
+        distance = float(np.linalg.norm(end - start))
+        if distance < request.settings.epsilon:
+            raise StartEqualsEnd(
+                f"start_position and end_position are only {distance:.3g} rad apart, epsilon is "
+                f"{request.settings.epsilon:g} rad: nothing to swing"
+            )
         index = swing_speed_index(model, start, end, limits.velocity)
 
         def hold_start(kept: BoolVector) -> Holding:

@@ -1,0 +1,161 @@
+"""The launch files and the parameter file name only what the packages have.
+
+`ros2 launch` is not everywhere where the tests run, so the files are read, not launched.
+"""
+
+import re
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+from ament_index_python.packages import get_package_share_directory
+
+from fastswing_planner.managed_node import AUTOSTART
+from fastswing_planner.parameters import Parameter, check_all
+
+PACKAGE = Path(__file__).parents[1]
+FILES = ("mock.launch.xml", "robot.launch.xml")
+COMMON = [
+    ("fastswing_inhibitor", "inhibitor"),
+    ("fastswing_planner", "planner"),
+    ("fastswing_planner", "swing_executor"),
+    ("musashi_muscle_bridge", "bridge"),
+]
+NODES = {
+    "mock.launch.xml": sorted([*COMMON, ("musashi_muscle_bridge", "mock_driver")]),
+    "robot.launch.xml": COMMON,
+}
+
+
+def launch_file(name: str) -> ElementTree.Element:
+    return ElementTree.parse(PACKAGE / "launch" / name).getroot()
+
+
+def arguments(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    return {argument.attrib["name"]: argument for argument in root.findall("arg")}
+
+
+def nodes(root: ElementTree.Element) -> list[ElementTree.Element]:
+    return list(root.iter("node"))
+
+
+def executable(package: str, name: str) -> EntryPoint:
+    (found,) = {
+        entry
+        for entry in entry_points(group="console_scripts")
+        if entry.name == name and entry.value.startswith(f"{package}.")
+    }
+    return found
+
+
+def table(package: str, name: str) -> dict[str, Parameter]:
+    rows = import_module(executable(package, name).module).TABLE
+    return {row.name: row for row in (AUTOSTART, *rows)}
+
+
+def parameters(root: ElementTree.Element) -> Iterator[tuple[Parameter, str]]:
+    """Yield each parameter's row of its node's table, and the value it is given."""
+    for node in nodes(root):
+        rows = table(node.attrib["pkg"], node.attrib["exec"])
+        for parameter in node.findall("param"):
+            if "name" in parameter.attrib:
+                yield rows[parameter.attrib["name"]], parameter.attrib["value"]
+
+
+def bridge_config() -> dict[str, object]:
+    content = yaml.safe_load((PACKAGE / "config" / "bridge.yaml").read_text())
+    assert list(content) == ["/**"]
+    assert list(content["/**"]) == ["ros__parameters"]
+    values: dict[str, object] = content["/**"]["ros__parameters"]
+    return values
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_launch_file_starts_the_nodes_it_promises(name: str) -> None:
+    root = launch_file(name)
+    started = [(node.attrib["pkg"], node.attrib["exec"]) for node in nodes(root)]
+    assert sorted(started) == NODES[name]
+    for package, program in started:
+        assert callable(executable(package, program).load())
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_argument_is_described_and_used_and_no_other_is_used(name: str) -> None:
+    root = launch_file(name)
+    text = (PACKAGE / "launch" / name).read_text()
+    assert set(re.findall(r"\$\(var (\w+)\)", text)) == set(arguments(root))
+    for argument in arguments(root).values():
+        assert argument.attrib["description"].endswith(".")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_parameter_is_in_its_nodes_table_and_defaults_are_the_nodes_own(name: str) -> None:
+    root = launch_file(name)
+    for row, value in parameters(root):
+        variable = re.fullmatch(r"\$\(var (\w+)\)", value)
+        assert variable, f"{row.name} is set to {value}, not by an argument"
+        default = arguments(root)[variable[1]].get("default")
+        if default is not None:
+            # As launch does: a text that reads as a number becomes one, of the same type.
+            read = yaml.safe_load(default)
+            assert type(read) is type(row.default)
+            assert read == row.default
+
+
+def test_the_robots_bus_has_no_default() -> None:
+    assert "default" not in arguments(launch_file("robot.launch.xml"))["bus_url"].attrib
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_files_named_are_installed(name: str) -> None:
+    text = (PACKAGE / "launch" / name).read_text()
+    named = re.findall(r"(?:\$\(find-pkg-share |package://)(\w+)\)?/([\w/.]+)", text)
+    assert len(named) == 2
+    for package, path in named:
+        assert (Path(get_package_share_directory(package)) / path).is_file()
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_all_nodes_are_in_one_group_with_the_namespace(name: str) -> None:
+    root = launch_file(name)
+    (group,) = root.findall("group")
+    first = group[0]
+    assert first.tag == "push-ros-namespace"
+    assert first.attrib == {"namespace": "$(var namespace)"}
+    assert root.findall("node") == []
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_only_the_bridge_loads_the_parameter_file(name: str) -> None:
+    root = launch_file(name)
+    loads = {
+        node.attrib["exec"]: parameter.attrib["from"]
+        for node in nodes(root)
+        for parameter in node.findall("param")
+        if "from" in parameter.attrib
+    }
+    assert loads == {"bridge": "$(var bridge_config)"}
+    default = arguments(root)["bridge_config"].attrib["default"]
+    assert default == "$(find-pkg-share musashi_muscle_bridge)/config/bridge.yaml"
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_launch_itself_parses_the_file(name: str) -> None:
+    frontend = pytest.importorskip("launch.frontend", reason="ros2 launch is not installed")
+    pytest.importorskip("launch_ros", reason="ros2 launch is not installed")
+    entity, parser = frontend.Parser.load(str(PACKAGE / "launch" / name))
+    assert parser.parse_description(entity).entities
+
+
+def test_the_bridges_parameter_file_states_the_defaults_of_its_table() -> None:
+    rows = table("musashi_muscle_bridge", "bridge")
+    values = bridge_config()
+    assert set(values) == set(rows) - {"autostart", "robot_description"}
+    check_all([rows[name] for name in values], values)
+    for name, value in values.items():
+        assert type(value) is type(rows[name].default), name
+        assert value == rows[name].default, name
