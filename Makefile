@@ -1,12 +1,13 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo test build setup lint clean
+.PHONY: help demo fit test build setup lint clean
 
 help:
 	@printf '%s\n' \
 	  'make demo    swing the arm three ways through real ROS 2 nodes; results in out/demo' \
 	  'make test    all tests; make test ARGS="-k ramp" for some of them' \
 	  'make lint    ruff, ruff format and mypy' \
+	  'make fit     fit the arm model to the paper again (minutes); results in out/fit' \
 	  'make build   set up and build the workspace; the commands above do it by themselves' \
 	  'make clean   remove everything that these commands made' \
 	  '' \
@@ -14,6 +15,9 @@ help:
 
 demo: build
 	@scripts/ros_env python demo/run_demo.py $(ARGS)
+
+fit: build
+	@scripts/ros_env python fit/kinematic_fit.py $(ARGS)
 
 test: build
 	@scripts/ros_env python -m pytest $(ARGS)

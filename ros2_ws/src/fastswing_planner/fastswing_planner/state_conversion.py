@@ -71,15 +71,21 @@ class MuscleStateReader:
     def read(self, message: MuscleState, time: float) -> MuscleMeasurement:
         """Return the measurement received at `time` [s]; raises InvalidRequest."""
         names = message.name
-        if len(message.fault) != len(names):
-            raise WrongLength(f"fault has {len(message.fault)} values for {len(names)} names")
+        for what, values in (("fault", message.fault), ("mode", message.mode)):
+            if len(values) != len(names):
+                raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
         return MuscleMeasurement(
             time,
             self._columns.pick("length", names, message.length),
             self._columns.pick("velocity", names, message.velocity),
             self._columns.pick("tension", names, message.tension),
-            tuple(name for name, fault in zip(names, message.fault, strict=True) if fault),
+            self._chosen(names, [bool(fault) for fault in message.fault]),
+            self._chosen(names, [mode == MuscleState.MODE_ZERO_CURRENT for mode in message.mode]),
         )
+
+    @staticmethod
+    def _chosen(names: Sequence[str], marks: Sequence[bool]) -> tuple[str, ...]:
+        return tuple(name for name, mark in zip(names, marks, strict=True) if mark)
 
 
 class RejectionCounter:

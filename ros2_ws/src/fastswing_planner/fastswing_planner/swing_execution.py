@@ -94,13 +94,21 @@ class JointMeasurement:
 
 @dataclass(frozen=True)
 class MuscleMeasurement:
-    """time [s]; length [m], velocity [m/s], tension [N], shape (m,); names of faulty muscles."""
+    """One muscle state; vectors of shape (m,).
+
+    time              [s]
+    length, velocity  [m], [m/s]
+    tension           [N]
+    faulty            names of muscles with a latched fault
+    limp              names of muscles at zero current
+    """
 
     time: float
     length: Vector
     velocity: Vector
     tension: Vector
     faulty: tuple[str, ...] = ()
+    limp: tuple[str, ...] = ()
 
 
 class SwingExecution:
@@ -194,6 +202,7 @@ class SwingExecution:
         Raises SwingAborted when the swing cannot go on; `holding_orders` then stop the arm.
         """
         self._refuse_faults(self._muscles)
+        self._refuse_limp(self._muscles)
         age = now - min(self._joints.time, self._muscles.time)
         if age > self._settings.state_timeout:
             raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")
@@ -211,6 +220,16 @@ class SwingExecution:
             raise SwingAborted(
                 "FAULT_LATCHED",
                 f"faulty muscles: {', '.join(muscles.faulty)}; find the cause, then clear_faults",
+            )
+
+    def _refuse_limp(self, muscles: MuscleMeasurement) -> None:
+        # Only Method 1 lets muscles go, and never all of them.
+        inhibiting = self._arm_asked and len(muscles.limp) < muscles.length.size
+        if muscles.limp and not inhibiting:
+            raise SwingAborted(
+                "FAULT_LATCHED",
+                f"muscles at zero current: {', '.join(muscles.limp)}; an emergency stop or "
+                "somebody's current_override holds them",
             )
 
     def _enter(self, phase: Phase, now: float) -> None:

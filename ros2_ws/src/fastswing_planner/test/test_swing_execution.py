@@ -339,6 +339,34 @@ def test_a_fault_stops_every_phase(linear_arm: ArmBuilder, phase: Phase) -> None
     assert str(caught.value) == "faulty muscles: m1, m0; find the cause, then clear_faults"
 
 
+@pytest.mark.parametrize("phase", ORDER[:4])
+def test_a_muscle_let_go_by_somebody_else_stops_every_phase(
+    linear_arm: ArmBuilder, phase: Phase
+) -> None:
+    case = stage(linear_arm)
+    case.run_until(phase)
+    case.execution.add_muscles(replace(muscles_at(case.now), limp=("m1",)))
+    with pytest.raises(SwingAborted, match=r"^muscles at zero current: m1; an emergency stop"):
+        case.execution.step(case.now)
+
+
+@pytest.mark.parametrize(("limp", "goes_on"), [(("m1",), True), (("m0", "m1"), False)])
+def test_an_armed_swing_allows_some_muscles_at_zero_current_but_not_all(
+    linear_arm: ArmBuilder, limp: tuple[str, ...], goes_on: bool
+) -> None:
+    case = stage(linear_arm, Method.INHIBIT)
+    case.run_until(Phase.SETTLE)
+    case.tick_for(1.0)
+    case.execution.inhibitor_armed()
+    case.run_until(Phase.SWING)
+    case.execution.add_muscles(replace(muscles_at(case.now), limp=limp))
+    if goes_on:
+        assert case.execution.step(case.now).lengths is None
+    else:
+        with pytest.raises(SwingAborted, match=r"^muscles at zero current: m0, m1;"):
+            case.execution.step(case.now)
+
+
 def start_with(
     arm: ArmBuilder, hold: Callable[[Vector], Holding], muscles: MuscleMeasurement
 ) -> SwingExecution:

@@ -104,6 +104,11 @@ class ClosedLoop:
             frozen(rows["velocity"]),
             frozen(rows["tension"]),
             tuple(name for name, fault in zip(names, rows["fault"], strict=True) if fault),
+            tuple(
+                name
+                for name, mode in zip(names, rows["mode"], strict=True)
+                if mode == Mode.ZERO_CURRENT
+            ),
         )
 
     def _inhibit(self, joints: JointMeasurement) -> None:

@@ -113,7 +113,8 @@ class ControlLoop:
                     raise
                 break
             self._control.check(state)
-            if oldest < state.sequence <= sequence:
+            # Newer than the last one; the sequence wraps.
+            if 0 < (state.sequence - oldest) % 2**32 < 2**31:
                 newest = state
                 oldest = state.sequence
         return newest

@@ -112,8 +112,8 @@ def test_the_robots_bus_has_no_default() -> None:
 
 @pytest.mark.parametrize("name", FILES)
 def test_files_named_are_installed(name: str) -> None:
-    text = (PACKAGE / "launch" / name).read_text()
-    named = re.findall(r"(?:\$\(find-pkg-share |package://)(\w+)\)?/([\w/.]+)", text)
+    values = " ".join(row.get("default", "") for row in arguments(launch_file(name)).values())
+    named = re.findall(r"(?:\$\(find-pkg-share |package://)(\w+)\)?/([\w/.]+)", values)
     assert len(named) == 2
     for package, path in named:
         assert (Path(get_package_share_directory(package)) / path).is_file()

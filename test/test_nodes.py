@@ -1,0 +1,73 @@
+"""Every executable starts, becomes active and ends as it should."""
+
+import signal
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from lifecycle_msgs.msg import State
+
+if TYPE_CHECKING:
+    from test.conftest import Suite
+
+pytestmark = pytest.mark.system
+
+EXECUTABLES = ["mock_driver", "bridge", "planner", "swing_executor", "inhibitor", "record"]
+END_SEC = 60.0
+
+
+def start(world: "Suite", executable: str, tmp_path: Path) -> None:
+    """Start an executable with the least that it needs."""
+    parameters = {"output": tmp_path / "bag.mcap"} if executable == "record" else {}
+    world.start(executable, **parameters)
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
+@pytest.mark.parametrize("executable", EXECUTABLES)
+def test_an_active_node_ends_with_0_on(
+    world: "Suite", executable: str, signal_number: signal.Signals, tmp_path: Path
+) -> None:
+    start(world, executable, tmp_path)
+    world.wait_for_state(executable, State.PRIMARY_STATE_ACTIVE)
+    process = world.processes[executable]
+    process.send(signal_number)
+    assert process.wait(END_SEC) == 0, process.log_tail()
+
+
+@pytest.mark.parametrize("executable", EXECUTABLES)
+def test_an_ended_node_leaves_no_traceback(world: "Suite", executable: str, tmp_path: Path) -> None:
+    start(world, executable, tmp_path)
+    world.wait_for_state(executable, State.PRIMARY_STATE_ACTIVE)
+    process = world.processes[executable]
+    process.send(signal.SIGINT)
+    process.wait(END_SEC)
+    assert "Traceback" not in process.log.read_text()
+
+
+def test_a_parameter_out_of_range_ends_the_node_with_2(world: "Suite") -> None:
+    assert world.start("bridge", control_rate=-5.0).wait(END_SEC) == 2
+
+
+def test_a_parameter_out_of_range_is_told_in_one_line(world: "Suite") -> None:
+    process = world.start("bridge", control_rate=-5.0)
+    process.wait(END_SEC)
+    (line,) = process.log.read_text().splitlines()
+    assert "control_rate is -5.0, expected 10 to 2000 Hz" in line
+
+
+def test_a_parameter_of_wrong_type_is_told_in_one_line(world: "Suite") -> None:
+    process = world.start("bridge", control_rate="fast")
+    process.wait(END_SEC)
+    (line,) = process.log.read_text().splitlines()
+    assert "control_rate" in line
+
+
+@pytest.mark.parametrize("executable", EXECUTABLES[:-1])
+def test_a_missing_robot_description_ends_the_node_with_2(
+    world: "Suite", executable: str, tmp_path: Path
+) -> None:
+    missing = tmp_path / "no_such_robot.yaml"
+    process = world.start(executable, robot_description=missing)
+    assert process.wait(END_SEC) == 2
+    (line,) = process.log.read_text().splitlines()
+    assert str(missing) in line
