@@ -5,6 +5,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -37,7 +38,7 @@ sys.path.insert(0, str(ROOT / "demo"))
 with warnings.catch_warnings():
     # ROS imports this when the first publisher is made; its parser uses a deprecated module.
     warnings.simplefilter("ignore", DeprecationWarning)
-    import rosidl_generator_py  # noqa: F401
+    import_module("rosidl_generator_py")
 
 from processes import (  # noqa: E402
     Process,
@@ -71,7 +72,7 @@ class Suite:
         self.processes: dict[str, Process] = {}
         self.robot = load_robot(resolve_path(ROBOT_DESCRIPTION.default))
         self.muscles: MuscleState | None = None
-        self.joints: JointState | None = None
+        self.posture = np.array([])
         self.joint_states = 0
         self.length_commands: list[LengthCommand] = []
         self.diagnostics: dict[str, DiagnosticStatus] = {}
@@ -107,7 +108,7 @@ class Suite:
         self.muscles = message
 
     def _on_joints(self, message: JointState) -> None:
-        self.joints = message
+        self.posture = np.array(message.position)
         self.joint_states += 1
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
@@ -152,8 +153,15 @@ class Suite:
         while not condition():
             if time.monotonic() > deadline:
                 tails = [f"{name}:\n{p.log_tail()}" for name, p in self.processes.items()]
+                tails.append(f"faults: {None if self.muscles is None else self.muscles.fault}")
                 pytest.fail("\n".join([f"waited in vain for {what}", *tails]))
             self._executor.spin_once(timeout_sec=0.02)
+
+    def refuse_dead(self) -> None:
+        """Fail if a node has ended."""
+        for name, process in self.processes.items():
+            if not process.running:
+                pytest.fail(f"{name} ended:\n{process.log_tail()}")
 
     def result_of(self, future: Future, what: str) -> Any:
         """Return the result of a future."""
@@ -168,6 +176,7 @@ class Suite:
 
         def answered() -> bool:
             nonlocal asked
+            self.refuse_dead()
             if client.service_is_ready() and time.monotonic() - asked > _ASK_AGAIN_SEC:
                 pending.append(client.call_async(request))
                 asked = time.monotonic()
@@ -204,9 +213,9 @@ class Suite:
 
     def fresh_posture(self) -> np.ndarray:
         """Return joint angles [rad] that arrive after this call."""
-        self.joints = None
-        self.until("a joint state", lambda: self.joints is not None)
-        return np.array(self.joints.position)  # type: ignore[union-attr]  # until() filled it in
+        seen = self.joint_states
+        self.until("a joint state", lambda: self.joint_states > seen)
+        return self.posture
 
     def wait_for_modes(self, mode: int) -> None:
         """Wait until every muscle is in a mode (MuscleState.MODE_*) without a fault."""
@@ -218,6 +227,11 @@ class Suite:
                 and not any(self.muscles.fault)
             ),
         )
+
+    def hold(self) -> None:
+        """Clear what a stall of this machine may have left, and wait until all muscles hold."""
+        self.trigger("clear_faults")
+        self.wait_for_modes(MuscleState.MODE_LENGTH)
 
     def reported(self, node: str, key: str) -> str:
         """Return a value of a node's last diagnostics; empty if it is not in them."""
@@ -317,11 +331,11 @@ def world(tmp_path: Path) -> Iterator[Suite]:
 
 @pytest.fixture(scope="module")
 def bridge_and_mock(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
-    """The bridge with the mock's boards and arm."""
+    """Start the bridge and the mock's boards and arm."""
     suite = Suite(tmp_path_factory.mktemp("bridge_and_mock"))
     try:
         suite.start_active("mock_driver", "bridge")
-        suite.wait_for_modes(MuscleState.MODE_LENGTH)
+        suite.hold()
         yield suite
     finally:
         suite.close()
@@ -329,11 +343,11 @@ def bridge_and_mock(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]
 
 @pytest.fixture(scope="module")
 def all_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
-    """Everything that a swing needs, active and holding the arm."""
+    """Start everything that a swing needs."""
     suite = Suite(tmp_path_factory.mktemp("all_nodes"))
     try:
         suite.start_active("mock_driver", "bridge", "planner", "swing_executor", "inhibitor")
-        suite.wait_for_modes(MuscleState.MODE_LENGTH)
+        suite.hold()
         suite.wait_until_swings_are_judged()
         suite.until(
             "the executor's length_command",

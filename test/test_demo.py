@@ -211,7 +211,7 @@ def test_the_page_shows_the_picture_and_the_table(finished: Finished) -> None:
 
 @pytest.fixture
 def interrupted(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Demo]:
-    """A demo that was interrupted when it printed a text, and has ended."""
+    """Interrupt a demo when it prints a text, and wait for its end."""
     demo = Demo(tmp_path / "out")
     try:
         demo.wait_for_line(request.param)

@@ -29,10 +29,9 @@ STILL = 2e-3
 
 @pytest.fixture
 def holding(bridge_and_mock: "Suite") -> Iterator["Suite"]:
-    """The bridge, without faults, holding the arm; a test's publishers are gone afterwards."""
+    """Let the bridge hold the arm, without faults; remove a test's publishers afterwards."""
     before = list(bridge_and_mock.node.publishers)
-    bridge_and_mock.trigger("clear_faults")
-    bridge_and_mock.wait_for_modes(MuscleState.MODE_LENGTH)
+    bridge_and_mock.hold()
     yield bridge_and_mock
     for publisher in list(bridge_and_mock.node.publishers):
         if publisher not in before:
@@ -184,9 +183,9 @@ def test_a_rejected_command_changes_no_mode(holding: "Suite", reason: str) -> No
 
 @pytest.fixture
 def restarted(world: "Suite") -> "Suite":
-    """A bridge in the place of one that was killed while it held the arm."""
+    """Put a bridge in the place of one that was killed while it held the arm."""
     world.start_active("mock_driver", "bridge")
-    world.wait_for_modes(MuscleState.MODE_LENGTH)
+    world.hold()
     world.processes["bridge"].send(signal.SIGKILL)
     world.processes["bridge"].wait(60.0)
     world.until("the watchdogs", lambda: world.reported("mock_driver", "faulty_boards") == "10")
@@ -301,9 +300,9 @@ def change(suite: "Suite", transition: int) -> bool:
 
 @pytest.fixture
 def inactive(world: "Suite") -> "Suite":
-    """A bridge that was active and has been deactivated."""
+    """Deactivate an active bridge."""
     world.start_active("mock_driver", "bridge")
-    world.wait_for_modes(MuscleState.MODE_LENGTH)
+    world.hold()
     change(world, Transition.TRANSITION_DEACTIVATE)
     world.wait_for_state("bridge", State.PRIMARY_STATE_INACTIVE)
     return world
@@ -329,16 +328,22 @@ def test_a_bridge_that_is_activated_again_holds_after_clear_faults(inactive: "Su
     inactive.wait_for_modes(MuscleState.MODE_LENGTH)
 
 
-def test_an_illegal_transition_is_refused(holding: "Suite") -> None:
-    assert not change(holding, Transition.TRANSITION_CONFIGURE)
+@pytest.fixture
+def active(world: "Suite") -> "Suite":
+    """Start a bridge and a mock for one test alone."""
+    world.start_active("mock_driver", "bridge")
+    return world
 
 
-def test_an_illegal_transition_leaves_the_bridge_active(holding: "Suite") -> None:
-    change(holding, Transition.TRANSITION_CONFIGURE)
-    assert holding.state_of("bridge") == State.PRIMARY_STATE_ACTIVE
+def test_an_illegal_transition_is_refused(active: "Suite") -> None:
+    assert not change(active, Transition.TRANSITION_CONFIGURE)
 
 
-def test_an_illegal_transition_does_not_stop_the_states(holding: "Suite") -> None:
-    change(holding, Transition.TRANSITION_CONFIGURE)
-    holding.let_states_pass()
-    assert holding.processes["bridge"].running
+def test_an_illegal_transition_leaves_the_bridge_active(active: "Suite") -> None:
+    change(active, Transition.TRANSITION_CONFIGURE)
+    assert active.state_of("bridge") == State.PRIMARY_STATE_ACTIVE
+
+
+def test_an_illegal_transition_does_not_stop_the_states(active: "Suite") -> None:
+    change(active, Transition.TRANSITION_CONFIGURE)
+    active.let_states_pass()

@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import (
     ErrorCode,
+    InhibitionStatus,
     LengthCommand,
     MuscleState,
     SwingFigures,
@@ -138,10 +139,20 @@ class ExecutorNode(ManagedNode):
             self.create_subscription(
                 MuscleState, "muscle_state", self.guarded(self._on_muscles), qos_profile_sensor_data
             ),
+            self.create_subscription(
+                InhibitionStatus, "inhibition_status", self.guarded(self._on_inhibition), 10
+            ),
         ]
         self._plan_client = self.create_client(PlanSwing, "plan_swing", callback_group=group)
         self._arm_client = self.create_client(ArmInhibitor, "arm_inhibitor", callback_group=group)
+        self._hold_client = self.create_client(Trigger, "hold_posture", callback_group=group)
         self._disarm_client = self.create_client(Trigger, "disarm_inhibitor", callback_group=group)
+        self._clients_made = (
+            self._plan_client,
+            self._arm_client,
+            self._hold_client,
+            self._disarm_client,
+        )
         self._timer = self.create_steady_timer(self._period, self._on_timer)
         self._server = ActionServer(
             self,
@@ -161,7 +172,7 @@ class ExecutorNode(ManagedNode):
         self.destroy_timer(self._timer)
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
-        for client in (self._plan_client, self._arm_client, self._disarm_client):
+        for client in self._clients_made:
             self.destroy_client(client)
         self.destroy_publisher(self._command)
         self.destroy_publisher(self._plan_publisher)
@@ -185,6 +196,13 @@ class ExecutorNode(ManagedNode):
             return
         if self._run is not None and self._run.execution is not None:
             self._run.execution.add_muscles(self._muscles)
+
+    def _on_inhibition(self, message: InhibitionStatus) -> None:
+        execution = None if self._run is None else self._run.execution
+        if execution is None or message.armed:
+            return
+        if message.reason != InhibitionStatus.REASON_GOAL_REACHED:
+            execution.inhibitor_lost(message.reason_text)
 
     # The action.
 
@@ -331,7 +349,7 @@ class ExecutorNode(ManagedNode):
             result.error_code = error_code(error)
             result.error_string = str(error)
             if execution is not None:
-                self._carry_out(execution.holding_orders(), current)
+                self._stop_arm(execution, current)
             if current.handle.is_cancel_requested:
                 current.handle.canceled()
             else:
@@ -340,6 +358,19 @@ class ExecutorNode(ManagedNode):
         outcome = "success" if error is None else error.code_name.lower()
         self._outcomes[outcome] = self._outcomes.get(outcome, 0) + 1
         current.finished.set_result(result)
+
+    def _stop_arm(self, execution: SwingExecution, current: _Run) -> None:
+        """Hold the arm where it is; the bridge knows that best, our states may be old."""
+        if self._hold_client.service_is_ready():
+            self._hold_client.call_async(Trigger.Request())
+            self._carry_out(Orders(disarm=True), current)
+        else:
+            self._carry_out(execution.holding_orders(), current)
+        if current.pending is not None:
+            # An arming that is still on its way must not outlive the swing.
+            current.pending.add_done_callback(
+                lambda _: self._disarm_client.call_async(Trigger.Request())
+            )
 
     def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
         """Report the phase, outcomes and rejections."""

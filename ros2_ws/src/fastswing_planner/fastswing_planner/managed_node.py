@@ -63,6 +63,7 @@ class ManagedNode(LifecycleNode):
         """Declare `table`; raises InvalidParameterTypeException for an override of other type."""
         super().__init__(name)
         self.is_active = False
+        self._configured = False
         self._table = (AUTOSTART, *table)
         self._callback_errors = 0
         for row in self._table:
@@ -120,7 +121,7 @@ class ManagedNode(LifecycleNode):
                 row.check(change.value)
             except PlannerError as error:
                 return SetParametersResult(successful=False, reason=str(error))
-            if row.read_only and self.is_active:
+            if row.read_only and self._configured:
                 reason = f"{row.name} takes effect at configuration: deactivate and clean up first"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
@@ -129,7 +130,9 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; see `configure`."""
-        return self._transition("configure", lambda: self.configure(self.parameter_values()))
+        result = self._transition("configure", lambda: self.configure(self.parameter_values()))
+        self._configured = result is TransitionCallbackReturn.SUCCESS
+        return result
 
     def on_activate(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; see `activate`."""
@@ -144,6 +147,7 @@ class ManagedNode(LifecycleNode):
 
     def on_cleanup(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; see `cleanup`."""
+        self._configured = False
         return self._transition("clean up", self.cleanup)
 
     def on_shutdown(self, state: State) -> TransitionCallbackReturn:
@@ -154,6 +158,7 @@ class ManagedNode(LifecycleNode):
     def on_error(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; back to unconfigured."""
         self.stop_working()
+        self._configured = False
         return TransitionCallbackReturn.SUCCESS
 
     def stop_working(self) -> None:

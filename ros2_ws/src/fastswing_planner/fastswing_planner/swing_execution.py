@@ -148,6 +148,7 @@ class SwingExecution:
         self._measurement: SwingMeasurement | None = None
         self._armed = False
         self._arm_asked = False
+        self._inhibition_lost = ""
         self._done = False
 
     @property
@@ -173,6 +174,12 @@ class SwingExecution:
     def inhibitor_armed(self) -> None:
         """Take note that the inhibitor is armed."""
         self._armed = True
+
+    def inhibitor_lost(self, reason: str) -> None:
+        """Take note that the inhibitor ended before the goal; a swing then has to stop."""
+        arrived = self._measurement is not None and self._measurement.arrived
+        if self._armed and not arrived and self._phase is not Phase.RECOVER:
+            self._inhibition_lost = reason
 
     def add_joints(self, joints: JointMeasurement) -> None:
         """Take a joint state."""
@@ -203,6 +210,10 @@ class SwingExecution:
         """
         self._refuse_faults(self._muscles)
         self._refuse_limp(self._muscles)
+        if self._inhibition_lost:
+            raise SwingAborted(
+                "NOT_READY", f"the inhibitor disarmed itself: {self._inhibition_lost}"
+            )
         age = now - min(self._joints.time, self._muscles.time)
         if age > self._settings.state_timeout:
             raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")

@@ -367,6 +367,19 @@ def test_an_armed_swing_allows_some_muscles_at_zero_current_but_not_all(
             case.execution.step(case.now)
 
 
+def test_a_swing_stops_when_the_inhibitor_ends_before_the_goal(linear_arm: ArmBuilder) -> None:
+    case = stage(linear_arm, Method.INHIBIT)
+    case.run_until(Phase.SETTLE)
+    case.tick_for(1.0)
+    case.execution.inhibitor_armed()
+    case.run_until(Phase.SWING)
+    case.execution.inhibitor_lost("joint states stopped")
+    with pytest.raises(
+        SwingAborted, match=r"^the inhibitor disarmed itself: joint states stopped$"
+    ):
+        case.execution.step(case.now)
+
+
 def start_with(
     arm: ArmBuilder, hold: Callable[[Vector], Holding], muscles: MuscleMeasurement
 ) -> SwingExecution:

@@ -56,6 +56,7 @@ class CommandArbiter:
         self._target = np.full(count, np.nan)  # latched length; NaN: hold the measured one
         self._active = np.full(count, np.nan)  # length sent last; NaN: not in length mode
         self._engaging = np.zeros(count, dtype=bool)
+        self._restarted = np.zeros(count, dtype=bool)  # holds what it measured, not a command
         self._stream = {
             Mode.TENSION: (np.zeros(count), np.full(count, -np.inf)),
             Mode.CURRENT: (np.zeros(count), np.full(count, -np.inf)),
@@ -80,6 +81,8 @@ class CommandArbiter:
         self.clamped += int((clamped != values).sum())
         if mode is Mode.LENGTH:
             self._target[chosen] = clamped
+            self._engaging[chosen] |= self._restarted[chosen]
+            self._restarted[chosen] = False
             for _, received in self._stream.values():
                 ended = now - received[chosen] > self._limits.stream_timeout
                 received[chosen[ended]] = -np.inf
@@ -116,6 +119,11 @@ class CommandArbiter:
         self.emergency = False
         self._faulty[:] = False
         self.hold()
+
+    @property
+    def latched(self) -> BoolVector:
+        """Muscles kept at zero current by a fault until it is cleared, shape (m,)."""
+        return self._faulty.copy()
 
     # The decision.
 
@@ -161,6 +169,7 @@ class CommandArbiter:
             self._limits.length_min[holding],
             self._limits.length_max[holding],
         )
+        self._restarted |= holding
         # Bumpless: from the measured length to the commanded one within speed and tension limits.
         reach = self._limits.velocity * elapsed
         change = np.clip(self._target - self._active, -reach, reach)

@@ -37,6 +37,7 @@ _COMMANDS = {
     Mode.CURRENT: (CurrentCommand, "current_command", "current"),
 }
 _OVERRIDE = "current_override"
+_FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
 
 TABLE = (
     ROBOT_DESCRIPTION,
@@ -80,6 +81,7 @@ class BridgeNode(ManagedNode):
         self._rejected: dict[str, int] = {}
         self._last_rejection = ""
         self._faults: tuple[str, ...] = ()
+        self._emergency_latched = False  # over a deactivation
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot; nothing is energised."""
@@ -104,6 +106,8 @@ class BridgeNode(ManagedNode):
             WatchdogAction[parameters["watchdog_action"].upper()],
             parameters["watchdog_timeout"],
         )
+        if self._emergency_latched:
+            self._control.arbiter.emergency_stop()
         bus = open_bus(parameters["bus_url"])
         newest = QoSProfile(depth=1)
         self._muscle_state = self.create_publisher(MuscleState, "muscle_state", newest)
@@ -142,6 +146,7 @@ class BridgeNode(ManagedNode):
     def deactivate(self) -> None:
         """Stop sending frames: the boards' watchdog acts."""
         self._loop.stop()
+        self._emergency_latched = self._control.arbiter.emergency
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         for service in self._triggers:
@@ -212,7 +217,7 @@ class BridgeNode(ManagedNode):
         header = Header(stamp=self.get_clock().now().to_msg())
         rows, joints = state.rows, state.joints
         self._faults = tuple(
-            f"{name} {Fault(fault).name.lower()}"
+            f"{name} {_FAULT_NAMES.get(int(fault), f'fault {fault}')}"
             for name, fault in zip(self._names, rows["fault"], strict=True)
             if fault
         )
@@ -247,6 +252,7 @@ class BridgeNode(ManagedNode):
         with self._lock:
             arbiter = self._control.arbiter
             overridden = np.flatnonzero(arbiter.overridden(self.monotonic()))
+            latched = ", ".join(self._names[index] for index in np.flatnonzero(arbiter.latched))
             values: dict[str, object] = {
                 "emergency_stop": arbiter.emergency,
                 "overridden": ", ".join(self._names[index] for index in overridden),
@@ -257,6 +263,8 @@ class BridgeNode(ManagedNode):
         topics = [topic for _, topic, _ in _COMMANDS.values()] + [_OVERRIDE]
         doubled = [topic for topic in topics if self.count_publishers(topic) > 1]
         problems = [
+            (not self._loop.alive, DiagnosticStatus.ERROR, "the control thread died, see the log"),
+            (latched, DiagnosticStatus.ERROR, f"latched until clear_faults: {latched}"),
             (self._faults, DiagnosticStatus.ERROR, f"faults: {', '.join(self._faults)}"),
             (arbiter.emergency, DiagnosticStatus.ERROR, "emergency stop, see clear_faults"),
             (self._loop.misses_in_a_row, DiagnosticStatus.ERROR, "the boards do not answer"),

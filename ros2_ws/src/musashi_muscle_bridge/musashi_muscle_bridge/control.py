@@ -79,10 +79,14 @@ class ControlPeriod:
         self._rows["current_limit"] = robot.current_limit
         self._sequence = 0
         self._clear_frames = 0
+        self._cleared_from: int | None = None  # the first frame that asked to clear
+        self._answered: int | None = None
+        self._answered_at = -np.inf
 
     def clear_faults(self) -> None:
         """Clear the boards' faults and the emergency stop; the muscles then hold."""
         self._clear_frames = _CLEAR_FRAMES
+        self._cleared_from = self._sequence + 1
         self.arbiter.clear_faults()
 
     def check(self, state: StateFrame) -> None:
@@ -107,7 +111,8 @@ class ControlPeriod:
 
     def next_command(self, state: StateFrame, now: float) -> CommandFrame:
         """Return the command that follows `state`, at the monotonic time `now` [s]."""
-        if self._clear_frames:
+        self._notice_outage(state.sequence, now)
+        if self._answers_before_clearing(state.sequence):
             faulty = np.zeros(len(self._ids), dtype=bool)
         else:
             faulty = state.rows["fault"] != Fault.NONE
@@ -120,6 +125,24 @@ class ControlPeriod:
         self._rows["mode"] = setpoints.mode
         self._rows["setpoint"] = setpoints.value
         return self._frame()
+
+    def _notice_outage(self, sequence: int, now: float) -> None:
+        """After an outage the arm may be anywhere: hold it there, forget the commands."""
+        if sequence == self._answered:
+            return
+        if self._answered is not None and now - self._answered_at > self._watchdog_timeout:
+            self.arbiter.hold()
+        self._answered = sequence
+        self._answered_at = now
+
+    def _answers_before_clearing(self, sequence: int) -> bool:
+        """Whether a state is older than the request to clear faults, so still shows them."""
+        if self._cleared_from is None:
+            return False
+        older = (sequence - self._cleared_from) % 2**32 >= 2**31
+        if not older and not self._clear_frames:
+            self._cleared_from = None
+        return older or self._clear_frames > 0
 
     def _frame(self) -> CommandFrame:
         self._sequence = (self._sequence + 1) % 2**32

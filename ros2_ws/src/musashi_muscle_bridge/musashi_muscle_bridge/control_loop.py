@@ -37,6 +37,11 @@ class ControlLoop:
         self._last_error = ""
         self.misses_in_a_row = 0
 
+    @property
+    def alive(self) -> bool:
+        """Whether the thread runs."""
+        return self._thread.is_alive()
+
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()

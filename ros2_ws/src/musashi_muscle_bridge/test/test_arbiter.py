@@ -58,6 +58,12 @@ class Bench:
         faults = np.isin(np.arange(len(NAMES)), faulty)
         return self.arbiter.update(self.now, frozen(self.length), frozen(self.tension), faults)
 
+    def settle(self, duration: float = 1.0) -> Setpoints:
+        """Update until a re-engaging muscle is where it was told to be."""
+        for _ in range(round(duration / PERIOD)):
+            setpoints = self.update()
+        return setpoints
+
 
 @pytest.fixture
 def bench() -> Bench:
@@ -94,9 +100,31 @@ def test_setpoints_cannot_be_changed(bench: Bench) -> None:
 # Priorities.
 
 
+def test_the_first_command_after_a_hold_is_approached_and_not_jumped_to(bench: Bench) -> None:
+    bench.command(Mode.LENGTH, 0.45, index=[A])
+    assert bench.update().value[A] == pytest.approx(0.3 + limits().velocity[A] * PERIOD)
+
+
+def test_a_posture_that_was_reached_is_followed_by_steps(bench: Bench) -> None:
+    bench.command(Mode.LENGTH, 0.31, index=[A])
+    bench.settle()
+    bench.command(Mode.LENGTH, 0.45, index=[A])
+    assert bench.update().value[A] == 0.45
+
+
+def test_a_command_after_clearing_an_emergency_stop_is_not_jumped_to(posed: Bench) -> None:
+    posed.arbiter.emergency_stop()
+    posed.update()
+    posed.length[A] = 0.35
+    posed.arbiter.clear_faults()
+    posed.update()
+    posed.command(Mode.LENGTH, 0.4, index=[A])
+    assert posed.update().value[A] == pytest.approx(0.35 + limits().velocity[A] * PERIOD)
+
+
 def test_a_command_moves_only_the_muscles_it_names(bench: Bench) -> None:
     bench.command(Mode.LENGTH, 0.45, index=[B])
-    assert bench.update().value.tolist() == [0.3, 0.45, 0.3]
+    assert bench.settle().value.tolist() == [0.3, 0.45, 0.3]
 
 
 def test_tension_beats_length(bench: Bench) -> None:
@@ -327,7 +355,7 @@ def test_a_command_beyond_the_limits_is_clamped(
     bench: Bench, mode: Mode, asked: float, given: float
 ) -> None:
     bench.command(mode, asked)
-    assert bench.update().value[A] == given
+    assert bench.settle(0.5 if mode is Mode.LENGTH else PERIOD).value[A] == given
     assert bench.arbiter.clamped == 1
 
 
@@ -377,7 +405,7 @@ def test_a_length_command_after_a_stream_counts(posed: Bench) -> None:
     posed.command(Mode.TENSION, 5.0)
     posed.update(STREAM_TIMEOUT + 0.001)
     posed.command(Mode.LENGTH, 0.45)
-    assert posed.update().value[A] == 0.45
+    assert posed.settle().value[A] == 0.45
 
 
 def test_a_length_command_counts_that_came_just_after_the_stream_ended(posed: Bench) -> None:

@@ -217,3 +217,43 @@ def test_an_answer_with_other_joints_is_refused(control: ControlPeriod, state: S
     joints = np.concatenate([state.joints, state.joints])
     with pytest.raises(FrameError, match=r"^the boards measure 2 joints, expected 1$"):
         control.check(dataclasses.replace(state, joints=joints))
+
+
+# Outages.
+
+
+def moved(state: StateFrame, sequence: int, change: float) -> StateFrame:
+    rows = state.rows.copy()
+    rows["length"] += change
+    return dataclasses.replace(state, sequence=sequence, rows=rows)
+
+
+def test_boards_that_come_back_are_held_where_they_are(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.2)
+    back = moved(state, 3, 0.1)
+    found = control.next_command(back, 10.3).rows["setpoint"]
+    np.testing.assert_allclose(found, back.rows["length"])
+
+
+def test_a_missed_answer_is_no_outage(control: ControlPeriod, state: StateFrame) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.05)
+    found = control.next_command(moved(state, 3, 0.1), 10.06).rows["setpoint"]
+    np.testing.assert_allclose(found, state.rows["length"])
+
+
+def test_late_answers_from_before_a_clearing_do_not_latch_again(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    late = with_fault(state, Fault.OVER_TENSION)
+    for period in range(20):
+        control.next_command(dataclasses.replace(late, sequence=period), 10.0 + PERIOD * period)
+    control.clear_faults()
+    for period in range(20, 30):
+        command = control.next_command(
+            dataclasses.replace(late, sequence=period - 10), 10.0 + PERIOD * period
+        )
+    assert modes(command) == [Mode.LENGTH, Mode.LENGTH]
