@@ -30,6 +30,7 @@ class InhibitionSettings:
     """When a swing is over; all positive.
 
     velocity_threshold  [rad/s] norm of theta_dot below which the direction to the goal is used
+    reversal_speed      [rad/s] speed against the way from start to goal that ends it
     state_timeout       [s] age of the joint state that ends it
     goal_tolerance      [rad] norm of the distance to the goal that counts as reached
     max_joint_speed     [rad/s] a joint that moved faster between two states has jumped
@@ -37,6 +38,7 @@ class InhibitionSettings:
     """
 
     velocity_threshold: float = 0.1
+    reversal_speed: float = 0.3
     state_timeout: float = 0.05
     goal_tolerance: float = 0.05
     max_joint_speed: float = 20.0
@@ -171,7 +173,7 @@ class Inhibition:
         # Passed: the projection on the way from start to goal lies beyond the goal.
         if float(remaining @ whole) <= 0.0:
             return Reason.GOAL_REACHED
-        # The velocity along the way there; noise below the threshold has no direction.
-        if float(joints.velocity @ remaining) / distance < -settings.velocity_threshold:
+        # Along the way from start to goal: on it, single joints may overshoot or turn back.
+        if float(joints.velocity @ whole) / float(np.linalg.norm(whole)) < -settings.reversal_speed:
             return Reason.REVERSED
         return Reason.NONE

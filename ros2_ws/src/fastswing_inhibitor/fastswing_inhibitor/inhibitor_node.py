@@ -58,6 +58,15 @@ TABLE = (
         10.0,
     ),
     Parameter(
+        "reversal_speed",
+        _DEFAULTS.reversal_speed,
+        "An arm that moves faster than this away from the goal disarms. Above the executor's "
+        "rest_speed.",
+        "rad/s",
+        1e-3,
+        10.0,
+    ),
+    Parameter(
         "state_timeout",
         _DEFAULTS.state_timeout,
         "A joint state older than this disarms.",
@@ -105,6 +114,7 @@ class InhibitorNode(ManagedNode):
             self._robot.limits.velocity,
             InhibitionSettings(
                 velocity_threshold=parameters["velocity_threshold"],
+                reversal_speed=parameters["reversal_speed"],
                 state_timeout=parameters["state_timeout"],
                 goal_tolerance=parameters["goal_tolerance"],
                 max_joint_speed=parameters["max_joint_speed"],

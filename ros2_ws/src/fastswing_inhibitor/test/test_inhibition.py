@@ -234,14 +234,22 @@ def test_a_swing_ends_when_the_goal_was_passed_far_off() -> None:
 def test_a_swing_ends_when_the_arm_turns_back() -> None:
     inhibition = armed()
     inhibition.decide(joints(PERIOD, (1.0, 0.0)))
-    decision = inhibition.decide(joints(2 * PERIOD, (1.0, 0.0), (-0.11, 0.0)))
+    decision = inhibition.decide(joints(2 * PERIOD, (1.0, 0.0), (-0.31, 0.0)))
     assert_over(inhibition, decision, Reason.REVERSED)
 
 
-def test_trembling_below_the_velocity_threshold_is_no_reversal() -> None:
+def test_a_joint_that_overshoots_while_the_arm_swings_on_is_no_reversal() -> None:
+    inhibition = armed(goal=(0.4, 1.4))
+    inhibition.decide(joints(0.01, (0.0, 0.0)))
+    inhibition.decide(joints(0.05, (0.4, 0.7)))
+    decision = inhibition.decide(joints(0.09, (0.75, 1.25), (3.0, 1.5)))
+    assert decision.reason is Reason.NONE
+
+
+def test_trembling_below_the_reversal_speed_is_no_reversal() -> None:
     inhibition = armed()
     inhibition.decide(joints(PERIOD, (1.0, 0.0)))
-    assert inhibition.decide(joints(2 * PERIOD, (1.0, 0.0), (-0.09, 0.0))).reason is Reason.NONE
+    assert inhibition.decide(joints(2 * PERIOD, (1.0, 0.0), (-0.29, 0.0))).reason is Reason.NONE
 
 
 def test_a_swing_ends_at_its_time_limit() -> None:

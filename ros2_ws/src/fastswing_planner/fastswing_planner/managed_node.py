@@ -13,6 +13,7 @@ import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
@@ -166,6 +167,14 @@ class ManagedNode(LifecycleNode):
         if self.is_active:
             self.is_active = False
             self._transition("deactivate", self.deactivate)
+
+    def _LifecycleNodeMixin__change_state(self, transition_id: int) -> TransitionCallbackReturn:  # noqa: N802  # rclpy's name
+        """Refuse an illegal transition, where rclpy 7.1 lets its error end the process."""
+        try:
+            return super()._LifecycleNodeMixin__change_state(transition_id)
+        except RCLError as error:
+            self.get_logger().warning(f"transition {transition_id} refused: {error}")
+            return TransitionCallbackReturn.FAILURE
 
     def _transition(self, verb: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         try:

@@ -355,7 +355,7 @@ def test_a_command_beyond_the_limits_is_clamped(
     bench: Bench, mode: Mode, asked: float, given: float
 ) -> None:
     bench.command(mode, asked)
-    assert bench.settle(0.5 if mode is Mode.LENGTH else PERIOD).value[A] == given
+    assert bench.settle(1.0 if mode is Mode.LENGTH else PERIOD).value[A] == given
     assert bench.arbiter.clamped == 1
 
 
