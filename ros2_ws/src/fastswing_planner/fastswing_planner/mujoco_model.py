@@ -8,9 +8,12 @@ import numpy as np
 
 from fastswing_planner.arrays import Matrix, Vector, frozen, unique_known
 from fastswing_planner.errors import InvalidRequest, RobotDescriptionError
+from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.muscle_model import Payload
 
 _SINGLE_AXIS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
+_SHORTEST = 1e-6  # [m]
+_SMALLEST_ARM = 1e-9  # [m/rad]
 
 
 def load_mjcf(path: Path) -> mujoco.MjModel:
@@ -29,38 +32,53 @@ def object_names(model: mujoco.MjModel, kind: mujoco.mjtObj, count: int) -> list
 class MujocoMuscleModel:
     """Kinematics and statics of chosen joints and tendons of a MuJoCo model.
 
-    Implements MuscleModel. Joints that are not chosen stay at the model's reference position.
+    Implements MuscleModel. Joints that an equality constraint ties to a chosen joint follow it;
+    all others stay where `keyframe` has them, or at zero. Actuators, contacts and other tendons
+    of the model are ignored; joint springs and gravity compensation count in `gravity_torque`.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, joint_names: Sequence[str], muscle_names: Sequence[str]
+        self,
+        model: mujoco.MjModel,
+        joint_names: Sequence[str],
+        muscle_names: Sequence[str],
+        keyframe: str = "",
     ) -> None:
-        """Choose joints and muscles by name; raises RobotDescriptionError for names not there."""
+        """Choose joints and muscles by name.
+
+        keyframe  of the MJCF, holds the joints that are not chosen; empty: they are at zero
+
+        Raises RobotDescriptionError for a model without tendons, a name that is not there, a
+        joint that is not free or that no muscle moves, a muscle without length.
+        """
         self._model = model
         self._data = mujoco.MjData(model)
         self.joint_names = tuple(joint_names)
         self.muscle_names = tuple(muscle_names)
-        all_joints = object_names(model, mujoco.mjtObj.mjOBJ_JOINT, model.njnt)
-        all_tendons = object_names(model, mujoco.mjtObj.mjOBJ_TENDON, model.ntendon)
+        if not model.ntendon:
+            raise RobotDescriptionError("the MJCF has no tendons: give each muscle a <tendon>")
         self._bodies = object_names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
-        try:
-            joints = np.array(unique_known("joint", self.joint_names, all_joints), dtype=int)
-            self._tendons = np.array(unique_known("muscle", self.muscle_names, all_tendons), int)
-        except InvalidRequest as error:
-            raise RobotDescriptionError(f"the MJCF does not fit: {error}") from error
+        joints = _indices(model, "joint", self.joint_names)
+        self._tendons = _indices(model, "muscle", self.muscle_names)
         for name, joint in zip(self.joint_names, joints, strict=True):
             if int(model.jnt_type[joint]) not in _SINGLE_AXIS:
                 raise RobotDescriptionError(f"joint '{name}' is not a hinge or slide joint")
-        self._qpos_index = model.jnt_qposadr[joints]
-        self._dof_index = model.jnt_dofadr[joints]
         limited = model.jnt_limited[joints].astype(bool)
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
+        reference = _reference_position(model, keyframe)
+        self._coupling = JointCoupling(model, joints, reference)
+        postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
+        for posture in postures:
+            refuse_restrained_joints(model, self._coupling, posture)
+        self._refuse_useless_muscles_and_joints(postures)
 
-    def _update(self, joint_position: Vector) -> None:
-        self._data.qpos[self._qpos_index] = joint_position
+    def _update(self, joint_position: Vector) -> Matrix:
+        """Compute positions; return d qvel / d joint velocity, shape (nv, n)."""
+        rates = self._coupling.set_positions(self._data, joint_position)
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_comPos(self._model, self._data)
+        return rates
 
     def lengths(self, joint_position: Vector) -> Vector:
         """Return the muscles' path lengths [m], shape (m,)."""
@@ -70,30 +88,84 @@ class MujocoMuscleModel:
 
     def jacobian(self, joint_position: Vector) -> Matrix:
         """Return G(theta) [m/rad], shape (m, n)."""
-        self._update(joint_position)
+        rates = self._update(joint_position)
         mujoco.mj_tendon(self._model, self._data)
-        dense = tendon_jacobian(self._model, self._data)
-        return frozen(dense[np.ix_(self._tendons, self._dof_index)])
+        return frozen(tendon_jacobian(self._model, self._data)[self._tendons] @ rates)
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""
-        self._update(joint_position)
-        bias = np.zeros(self._model.nv)
-        mujoco.mj_rne(self._model, self._data, 0, bias)
-        torque = bias[self._dof_index]
+        rates = self._update(joint_position)
+        mujoco.mj_tendon(self._model, self._data)
+        mujoco.mj_passive(self._model, self._data)
+        torque = np.zeros(self._model.nv)
+        mujoco.mj_rne(self._model, self._data, 0, torque)
+        torque -= self._data.qfrc_passive
         if payload is not None and payload.mass:
-            torque = torque + self._payload_torque(payload)
-        return frozen(torque)
+            torque += self._payload_torque(payload)
+        return frozen(rates.T @ torque)
 
     def _payload_torque(self, payload: Payload) -> Vector:
         # tau = -J^T m g: what the joints must add to carry the weight.
-        (body,) = unique_known("body", [payload.body], self._bodies)
-        rotation = self._data.xmat[body].reshape(3, 3)
-        point = self._data.xpos[body] + rotation @ np.array(payload.position)
+        body = unique_known("body", [payload.body], self._bodies)[0]
+        point = self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ np.array(
+            payload.position
+        )
         jacobian = np.zeros((3, self._model.nv))
         mujoco.mj_jac(self._model, self._data, jacobian, None, point, body)
         weight = payload.mass * self._model.opt.gravity
-        return -(jacobian.T @ weight)[self._dof_index]
+        return np.asarray(-(jacobian.T @ weight))
+
+    def _probe_postures(self, reference: Vector) -> list[Vector]:
+        low = np.where(np.isfinite(self.joint_lower), self.joint_lower, reference)
+        high = np.where(np.isfinite(self.joint_upper), self.joint_upper, reference)
+        return [np.clip(reference, low, high), *(low + part * (high - low) for part in (0.3, 0.7))]
+
+    def _refuse_useless_muscles_and_joints(self, postures: Sequence[Vector]) -> None:
+        spatial = self._model.wrap_type[self._model.tendon_adr[self._tendons]] != int(
+            mujoco.mjtWrap.mjWRAP_JOINT
+        )
+        lengths = np.array([self.lengths(posture) for posture in postures]).min(axis=0)
+        for name, length, has_path in zip(self.muscle_names, lengths, spatial, strict=True):
+            if has_path and length < _SHORTEST:
+                raise RobotDescriptionError(
+                    f"muscle '{name}' has a length of {length:.2g} m: its sites coincide"
+                )
+        arms = np.abs([self.jacobian(posture) for posture in postures]).max(axis=(0, 1))
+        for name, arm in zip(self.joint_names, arms, strict=True):
+            if arm < _SMALLEST_ARM:
+                raise RobotDescriptionError(
+                    f"the muscle Jacobian is singular: none of the {len(self.muscle_names)} "
+                    f"muscles moves joint '{name}'; leave the joint out or add its muscles"
+                )
+
+
+def _indices(model: mujoco.MjModel, what: str, names: Sequence[str]) -> Vector:
+    kind, count = (
+        (mujoco.mjtObj.mjOBJ_JOINT, model.njnt)
+        if what == "joint"
+        else (mujoco.mjtObj.mjOBJ_TENDON, model.ntendon)
+    )
+    if not names:
+        raise RobotDescriptionError(f"no {what} is chosen")
+    try:
+        return np.array(unique_known(what, names, object_names(model, kind, count)), dtype=int)
+    except InvalidRequest as error:
+        raise RobotDescriptionError(f"the MJCF does not fit: {error}") from error
+
+
+def _reference_position(model: mujoco.MjModel, keyframe: str) -> Vector:
+    """Return qpos [rad, m] of a keyframe, or with every single-axis joint at zero, shape (nq,)."""
+    if keyframe:
+        names = object_names(model, mujoco.mjtObj.mjOBJ_KEY, model.nkey)
+        if keyframe not in names:
+            raise RobotDescriptionError(
+                f"unknown keyframe '{keyframe}', choose from: {', '.join(names) or 'none'}"
+            )
+        return np.array(model.key_qpos[names.index(keyframe)])
+    reference = np.array(model.qpos0)
+    single_axis = np.isin(model.jnt_type, _SINGLE_AXIS)
+    reference[model.jnt_qposadr[single_axis]] = 0.0
+    return reference
 
 
 def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Matrix:
