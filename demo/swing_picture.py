@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from swing_bag import Array, RecordedSwing, read_swings
 
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, resolve_path
 from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
 
 TITLES = {"basic": "Basic", "method_1": "Method 1", "method_2": "Method 2"}
 _PREPARED = {"method_1": "zero current: ", "method_2": "paid out before: "}
@@ -64,7 +64,7 @@ def draw_swing(bags: Mapping[str, Path], output: Path, robot: Path | None = None
     Raises UnusableBag or RobotDescriptionError.
     """
     swings = read_swings(bags)
-    limits = load_robot(robot or resolve_path(ROBOT_DESCRIPTION.default)).limits
+    limits = load_robot(robot or resolve_path(MUSASHI)).limits
     with mpl.rc_context(_STYLE):
         figure = draw_figure(swings, np.unique(limits.velocity))
         output.parent.mkdir(parents=True, exist_ok=True)

@@ -30,8 +30,8 @@ from report import draw_swing, table_text, write_report
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingFigures, SwingOptions
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, resolve_path
 from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
 from fastswing_planner.swing_execution import Phase
 
 METHODS = {
@@ -222,7 +222,7 @@ def prepare(output: Path) -> None:
 
 def swing_all(output: Path, environment: dict[str, str]) -> dict[str, Any]:
     """Run the nodes and the three swings; return the summary."""
-    robot = load_robot(resolve_path(ROBOT_DESCRIPTION.default))
+    robot = load_robot(resolve_path(MUSASHI))
     summary: dict[str, Any] = {"methods": {}, "paper": PAPER}
     processes: list[Process] = []
     client: Client | None = None

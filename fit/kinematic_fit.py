@@ -34,8 +34,9 @@ from swing_targets import (
 )
 
 from fastswing_planner.mujoco_model import MujocoMuscleModel
-from fastswing_planner.plan import Method, SwingPlan, SwingPlanner, SwingRequest
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.swing import SwingSettings
 

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from swing_targets import ELBOW_PITCH, EPSILON, JOINTS, MUSCLES, travel_arms
 
 from fastswing_planner.mujoco_model import load_mjcf
-from fastswing_planner.plan import Method, SwingPlanner, SwingRequest
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.swing import SwingSettings
 

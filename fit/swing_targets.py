@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from fastswing_planner.errors import SolverFailed, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.mujoco_model import MujocoMuscleModel
-from fastswing_planner.plan import Method, SwingPlanner
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method
 from fastswing_planner.speed_index import swing_speed_index
 from fastswing_planner.swing import SwingSettings, Trajectory, simulate_swing
 

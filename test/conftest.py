@@ -29,8 +29,8 @@ from std_srvs.srv import Trigger
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, LengthCommand, MuscleState
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, resolve_path
 from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "demo"))
@@ -70,7 +70,7 @@ class Suite:
         """Write the logs into `folder`."""
         self.domain = free_domain()
         self.processes: dict[str, Process] = {}
-        self.robot = load_robot(resolve_path(ROBOT_DESCRIPTION.default))
+        self.robot = load_robot(resolve_path(MUSASHI))
         self.muscles: MuscleState | None = None
         self.posture = np.array([])
         self.joint_states = 0

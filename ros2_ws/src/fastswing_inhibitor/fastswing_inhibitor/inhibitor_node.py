@@ -15,12 +15,13 @@ from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSetting
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known
-from fastswing_planner.conversion import error_code
+from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
-from fastswing_planner.plan import checked_threshold, posture
+from fastswing_planner.request import checked_threshold, posture
 from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.state_conversion import JointStateReader, RejectionCounter
 
 _DEFAULTS = InhibitionSettings()

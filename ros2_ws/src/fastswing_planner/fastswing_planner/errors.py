@@ -59,8 +59,20 @@ class InvalidLimit(InvalidRequest):
     code_name = "INVALID_LIMIT"
 
 
+class InvalidTensionRange(InvalidLimit):
+    """A tension_min that is not below its tension_max."""
+
+    code_name = "INVALID_TENSION_RANGE"
+
+
+class InvalidWeight(InvalidRequest):
+    """A weight that is not symmetric positive definite."""
+
+    code_name = "INVALID_WEIGHT"
+
+
 class UnknownMethod(InvalidRequest):
-    """Not one of the methods."""
+    """Not one of the methods, or of the searches."""
 
     code_name = "UNKNOWN_METHOD"
 
@@ -95,9 +107,21 @@ class SwingBlocked(PlannerError):
     code_name = "SWING_BLOCKED"
 
 
+class SingularJacobian(PlannerError):
+    """Some motion of the joints that no muscle restrains."""
+
+    code_name = "SINGULAR_JACOBIAN"
+
+
 class SwingAborted(PlannerError):
     """A running swing had to stop; `code_name` says why."""
 
     def __init__(self, code_name: str, text: str) -> None:
         super().__init__(text)
         self.code_name = code_name  # type: ignore[misc]  # an instance's own code
+
+
+class PlannerUnavailable(PlannerError, TimeoutError):
+    """No planner answers."""
+
+    code_name = "NOT_READY"

@@ -26,18 +26,16 @@ from fastswing_msgs.msg import (
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import frozen
-from fastswing_planner.conversion import (
-    error_code,
-    error_name,
-    figures_to_message,
-    predicted_figures,
-)
+from fastswing_planner.error_code import error_code, error_name
 from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
+from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
-from fastswing_planner.plan import Method, SwingPlanner
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method
 from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.state_conversion import (
     JointStateReader,
     MuscleStateReader,
@@ -211,7 +209,10 @@ class ExecutorNode(ManagedNode):
             handle.abort()
             text = "another swing runs: wait for its result or cancel it"
             return ExecuteSwing.Result(error_code=ErrorCode.BUSY, error_string=text)
-        self._run = _Run(handle, self.monotonic() + self._service_timeout)
+        search = float(
+            np.clip(np.nan_to_num(handle.request.options.search_time_limit), 0.0, 3600.0)
+        )
+        self._run = _Run(handle, self.monotonic() + self._service_timeout + search)
         result: ExecuteSwing.Result = await self._run.finished
         return result
 
@@ -264,7 +265,7 @@ class ExecutorNode(ManagedNode):
         age = now - min(joints.time, muscles.time)
         if age > self._settings.state_timeout:
             raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")
-        if plan.method == Method.INHIBIT and not self._arm_client.service_is_ready():
+        if Method(plan.method).inhibits and not self._arm_client.service_is_ready():
             raise SwingAborted("NOT_READY", "arm_inhibitor is missing: is the inhibitor active?")
         swing = PreparedSwing(
             method=Method(plan.method),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.errors import InvalidLimit, NotFinite
+from fastswing_planner.errors import InvalidLimit, InvalidTensionRange, NotFinite
 
 
 @dataclass(frozen=True)
@@ -25,9 +25,13 @@ class MuscleLimits:
     tension_max: Vector
 
 
-def _require(holds: bool, text: str) -> None:
-    if not holds:
-        raise InvalidLimit(text)
+# Name, range and unit of each limit; far beyond any muscle, but near enough for the arithmetic.
+_RANGES = (
+    ("velocity_limit", 1e-4, 1e3, "m/s"),
+    ("acceleration_limit", 1e-4, np.inf, "m/s^2"),
+    ("tension_min", 0.0, 1e5, "N"),
+    ("tension_max", 1e-3, 1e5, "N"),
+)
 
 
 def muscle_limits(
@@ -37,15 +41,14 @@ def muscle_limits(
     tension_min: ArrayLike,
     tension_max: ArrayLike,
 ) -> MuscleLimits:
-    """Build limits from scalars or vectors; raises InvalidLimit naming the muscle and value."""
+    """Build limits from scalars or vectors; errors name the muscle and the value.
+
+    Raises InvalidLimit, InvalidTensionRange or NotFinite.
+    """
     shape = (len(muscle_names),)
     vectors = []
-    for what, values in (
-        ("velocity_limit", velocity),
-        ("acceleration_limit", acceleration),
-        ("tension_min", tension_min),
-        ("tension_max", tension_max),
-    ):
+    given = (velocity, acceleration, tension_min, tension_max)
+    for (what, *_), values in zip(_RANGES, given, strict=True):
         try:
             vector = frozen(np.broadcast_to(np.asarray(values, dtype=float), shape))
         except (ValueError, TypeError) as error:
@@ -53,22 +56,23 @@ def muscle_limits(
                 f"{what} is {values!r}, expected one number or {shape[0]} numbers"
             ) from error
         vectors.append(vector)
-    limits = MuscleLimits(*vectors)
-    rows = zip(muscle_names, *vectors, strict=True)
-    for name, speed, acceleration_limit, low, high in rows:
-        for what, value in (("velocity_limit", speed), ("tension_min", low), ("tension_max", high)):
-            if not np.isfinite(value):
-                raise NotFinite(f"{what} of {name} is {value}, expected a finite number")
-        if np.isnan(acceleration_limit):
-            raise NotFinite(f"acceleration_limit of {name} is nan, expected a number or infinity")
-        _require(speed > 0, f"velocity_limit of {name} is {speed:g} m/s, must be positive")
-        _require(
-            acceleration_limit > 0,
-            f"acceleration_limit of {name} is {acceleration_limit:g} m/s^2, must be positive",
-        )
-        _require(low >= 0, f"tension_min of {name} is {low:g} N, must not be negative")
-        _require(
-            high > low,
-            f"tension_max of {name} is {high:g} N, must be above its tension_min {low:g} N",
-        )
-    return limits
+    for (what, low, high, unit), vector in zip(_RANGES, vectors, strict=True):
+        for name, value in zip(muscle_names, vector, strict=True):
+            _check(f"{what} of {name}", float(value), low, high, unit)
+    for name, least, most in zip(muscle_names, vectors[2], vectors[3], strict=True):
+        if not most > least:
+            raise InvalidTensionRange(
+                f"tension_max of {name} is {most:g} N, must be above its tension_min {least:g} N"
+            )
+    return MuscleLimits(*vectors)
+
+
+def _check(what: str, value: float, low: float, high: float, unit: str) -> None:
+    if np.isnan(value) or (np.isinf(value) and np.isfinite(high)):
+        expected = "a finite number" if np.isfinite(high) else "a number or infinity"
+        raise NotFinite(f"{what} is {value:g}, expected {expected}")
+    if value < 0 or (value == 0 and low > 0):
+        must = "be positive" if low > 0 else "not be negative"
+        raise InvalidLimit(f"{what} is {value:g} {unit}, must {must}")
+    if not low <= value <= high:
+        raise InvalidLimit(f"{what} is {value:g} {unit}, must be {low:g} to {high:g}")

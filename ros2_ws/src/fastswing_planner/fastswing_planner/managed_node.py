@@ -5,12 +5,10 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import rclpy
-from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
@@ -21,36 +19,21 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from fastswing_planner.errors import PlannerError, RobotDescriptionError
+from fastswing_planner.errors import PlannerError
 from fastswing_planner.parameters import Parameter, check_all
+from fastswing_planner.robot_path import MUSASHI
 
 AUTOSTART = Parameter(
     "autostart", True, "Configure and activate at start; false: wait for a lifecycle manager."
 )
 ROBOT_DESCRIPTION = Parameter(
     "robot_description",
-    "package://musashi_muscle_bridge/description/musashi_left_arm.yaml",
+    MUSASHI,
     "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH.",
 )
 
 _SPIN_SLICE_SEC = 0.1
 _DIAGNOSTICS_PERIOD_SEC = 1.0
-
-
-def resolve_path(uri: str) -> Path:
-    """Return the file that a path or `package://PACKAGE/PATH` names.
-
-    Raises RobotDescriptionError if the package is not installed.
-    """
-    if not uri.startswith("package://"):
-        return Path(uri).expanduser()
-    package, _, inner = uri.removeprefix("package://").partition("/")
-    try:
-        return Path(get_package_share_directory(package)) / inner
-    except (PackageNotFoundError, ValueError) as error:
-        raise RobotDescriptionError(
-            f"{uri}: package '{package}' is not installed; source its workspace, or give a path"
-        ) from error
 
 
 class ManagedNode(LifecycleNode):
@@ -77,6 +60,7 @@ class ManagedNode(LifecycleNode):
                 ),
             )
         self.add_on_set_parameters_callback(self._judge_parameters)
+        self.add_post_set_parameters_callback(self.guarded(self._apply_parameters))
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.create_steady_timer(
@@ -126,6 +110,10 @@ class ManagedNode(LifecycleNode):
                 reason = f"{row.name} takes effect at configuration: deactivate and clean up first"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, _changes: list[RosParameter]) -> None:
+        if self._configured:
+            self.parameters_changed(self.parameter_values())
 
     # Lifecycle.
 

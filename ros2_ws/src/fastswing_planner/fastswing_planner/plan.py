@@ -1,76 +1,39 @@
 """Plans a swing: from a request to mask, elongation, tensions and predicted trajectory."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from enum import IntEnum
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fastswing_planner.arrays import (
-    BoolVector,
-    Vector,
-    finite_vector,
-    frozen,
-    named_vector,
-    unique_known,
-)
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
 from fastswing_planner.elongation import elongation
 from fastswing_planner.errors import (
     HoldingInfeasible,
     InvalidLimit,
-    OutOfRange,
-    StartEqualsEnd,
-    UnknownMethod,
-    WrongLength,
+    PlannerError,
+    SingularJacobian,
 )
 from fastswing_planner.holding import Holding, hold
-from fastswing_planner.limits import MuscleLimits, muscle_limits
-from fastswing_planner.mask_search import SearchResult, Trial, greedy_search
+from fastswing_planner.holding_margin import holding_margin
+from fastswing_planner.limits import MuscleLimits
+from fastswing_planner.mask_search import (
+    Candidate,
+    MaskSearch,
+    SearchResult,
+    Trial,
+    antagonists,
+)
 from fastswing_planner.muscle_model import MuscleModel, Payload
 from fastswing_planner.qp import QpSolver
+from fastswing_planner.request import Method, Search, SwingRequest, SwingTask, checked_task
 from fastswing_planner.speed_index import swing_speed_index
-from fastswing_planner.swing import SwingSettings, Trajectory, simulate_swing
+from fastswing_planner.swing import Trajectory, simulate_swing
 
+HIGH_TENSION = 0.8
+"""A plan warns where a muscle holds above this part of its tension_max."""
 
-class Method(IntEnum):
-    """How to swing; the values are those of `fastswing_msgs/SwingOptions`."""
-
-    BASIC = 0
-    INHIBIT = 1
-    ELONGATE = 2
-
-
-@dataclass(frozen=True)
-class MuscleConstants:
-    """Limits that replace the robot's for the named muscles; empty arrays replace nothing."""
-
-    muscle_names: Sequence[str] = ()
-    velocity: ArrayLike = ()
-    acceleration: ArrayLike = ()
-    tension_min: ArrayLike = ()
-    tension_max: ArrayLike = ()
-
-
-@dataclass(frozen=True)
-class SwingRequest:
-    """What a user asks for.
-
-    start, end      [rad] in the order of joint_names; empty joint_names: the model's order
-    kept_muscles    muscles that are never masked
-    constants       limits that differ from the robot's
-    threshold       C [s/rad] of eq. 5 of the paper
-    """
-
-    start: ArrayLike
-    end: ArrayLike
-    method: Method = Method.BASIC
-    joint_names: Sequence[str] = ()
-    kept_muscles: Sequence[str] = ()
-    constants: MuscleConstants = field(default_factory=MuscleConstants)
-    threshold: float = 0.0
-    payload: Payload | None = None
-    settings: SwingSettings = field(default_factory=SwingSettings)
+_MOST_UNLIMITED = 16  # antagonists that an exhaustive search takes on without a time limit
+_FULL_RANK = 1e-6  # of the largest singular value
 
 
 @dataclass(frozen=True)
@@ -78,89 +41,70 @@ class SwingPlan:
     """A planned swing; m muscles, n joints.
 
     kept             the mask m of the paper as booleans, shape (m,)
-    elongation       [m] shape (m,), >= 0, 0 for kept muscles and for other methods
-    holding          how the start posture is held once the masked muscles are elongated
-    final_holding    how the end posture is held with all muscles
+    inhibited        muscles that Method 1 is predicted to inhibit, shape (m,); not kept
+    elongation       [m] shape (m,), >= 0, 0 for kept and for inhibited muscles
+    basic_tension    [N] that holds the start posture with all muscles, shape (m,)
+    holding_tension  [N] that holds it once the elongated muscles are slack, shape (m,)
+    holding_margin   [N m] added torque of any direction that the start posture still holds
+    final_tension    [N] that holds the end posture with all muscles, shape (m,)
     speed_index      q [s/rad] at the midpoint, shape (m,)
     trajectory       the predicted swing
     time_cost_basic  [s] of the swing with all muscles kept
+    trials           the masks tried, in order
+    proven           no other set of elongated antagonists is better
+    warnings         what a user should know before executing it
     """
 
+    joint_names: tuple[str, ...]
+    muscle_names: tuple[str, ...]
     method: Method
     start: Vector
     end: Vector
     kept: BoolVector
+    inhibited: BoolVector
     elongation: Vector
-    holding: Holding
-    final_holding: Holding
+    basic_tension: Vector
+    holding_tension: Vector
+    holding_margin: float
+    final_tension: Vector
     speed_index: Vector
     trajectory: Trajectory
     time_cost_basic: float
     epsilon: float
     trials: tuple[Trial, ...]
+    proven: bool
+    warnings: tuple[str, ...]
+
+    @property
+    def time_cost(self) -> float:
+        """t^cost of the paper [s]."""
+        return self.trajectory.time_cost
+
+    @property
+    def elongated(self) -> BoolVector:
+        """Muscles that are paid out before the swing, shape (m,)."""
+        return ~self.kept & ~self.inhibited
+
+    @property
+    def tension_rise(self) -> Vector:
+        """What elongating adds to the tensions that hold the start [N], shape (m,).
+
+        The price the paper names in section III-B; negative for the elongated muscles.
+        """
+        return frozen(self.holding_tension - self.basic_tension)
+
+    def muscles(self, chosen: BoolVector) -> tuple[str, ...]:
+        """Return the names of the chosen muscles; `chosen` has shape (m,)."""
+        return tuple(name for name, on in zip(self.muscle_names, chosen, strict=True) if on)
 
 
-def posture(what: str, model: MuscleModel, joint_names: Sequence[str], values: ArrayLike) -> Vector:
-    """Return a checked posture [rad] in the model's joint order, shape (n,).
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one method of a comparison: a plan, or why there is none."""
 
-    Raises WrongLength, NotFinite, UnknownName, DuplicateName or OutOfRange.
-    """
-    angles = named_vector(what, "joint", joint_names, values, model.joint_names)
-    for name, angle, low, high in zip(
-        model.joint_names, angles, model.joint_lower, model.joint_upper, strict=True
-    ):
-        if not low <= angle <= high:
-            raise OutOfRange(
-                f"{what} of {name} is {angle:.4f} rad, its range is {low:.4f} to {high:.4f} rad"
-            )
-    return angles
-
-
-def swing_postures(
-    model: MuscleModel, joint_names: Sequence[str], start: ArrayLike, end: ArrayLike
-) -> tuple[Vector, Vector]:
-    """Return checked start and end postures [rad]; raises StartEqualsEnd and as `posture`."""
-    first = posture("start_position", model, joint_names, start)
-    last = posture("end_position", model, joint_names, end)
-    if np.array_equal(first, last):
-        angles = ", ".join(f"{angle:g}" for angle in first)
-        raise StartEqualsEnd(
-            f"start_position and end_position are the same ({angles} rad): nothing to swing"
-        )
-    return first, last
-
-
-def requested_limits(
-    model: MuscleModel, limits: MuscleLimits, constants: MuscleConstants
-) -> MuscleLimits:
-    """Return the robot's limits with the requested constants in their place.
-
-    Raises UnknownName, DuplicateName, WrongLength, NotFinite or InvalidLimit.
-    """
-    index = unique_known("muscle", constants.muscle_names, model.muscle_names)
-    vectors = []
-    for what in ("velocity", "acceleration", "tension_min", "tension_max"):
-        vector = np.array(getattr(limits, what))
-        values = np.asarray(getattr(constants, what), dtype=float)
-        if values.size not in (0, len(index)):
-            raise WrongLength(
-                f"{what} has {values.size} values, expected none or one for each of the "
-                f"{len(index)} muscles in muscle_name"
-            )
-        if values.size:
-            vector[index] = values
-        vectors.append(vector)
-    return muscle_limits(model.muscle_names, *vectors)
-
-
-def checked_threshold(value: float) -> float:
-    """Return C [s/rad]; raises InvalidLimit unless it is finite and not negative."""
-    if not (np.isfinite(value) and value >= 0):
-        raise InvalidLimit(
-            f"threshold is {value}, must be finite and not negative: below 0 agonists would be "
-            "inhibited"
-        )
-    return float(value)
+    method: Method
+    plan: SwingPlan | None
+    error: PlannerError | None = None
 
 
 class SwingPlanner:
@@ -184,6 +128,7 @@ class SwingPlanner:
         limits: MuscleLimits,
         payload: Payload | None,
         kept: BoolVector | None,
+        weight: Matrix | None = None,
     ) -> Holding:
         everything = np.ones(len(self._model.muscle_names), dtype=bool)
         return hold(
@@ -192,83 +137,166 @@ class SwingPlanner:
             self._model.gravity_torque(joint_position, payload),
             limits,
             everything if kept is None else kept,
+            weight,
         )
 
-    def plan(self, request: SwingRequest) -> SwingPlan:
+    def plan(self, request: SwingRequest, clock: Callable[[], float] | None = None) -> SwingPlan:
         """Plan one swing.
 
-        Raises an InvalidRequest for a wrong request, HoldingInfeasible or SwingBlocked if the arm
-        cannot do it, HoldingUndecided or SolverFailed if that is not known.
+        clock  the time [s], such as time.monotonic; needed where the request has a time limit
+
+        Raises an InvalidRequest for a wrong request, HoldingInfeasible, SwingBlocked or
+        SingularJacobian if the arm cannot do it, HoldingUndecided or SolverFailed if that is not
+        known.
         """
-        model = self._model
-        start, end = swing_postures(model, request.joint_names, request.start, request.end)
-        limits = requested_limits(model, self._limits, request.constants)
-        protected = np.zeros(len(model.muscle_names), dtype=bool)
-        protected[unique_known("muscle", request.kept_muscles, model.muscle_names)] = True
-        threshold = checked_threshold(request.threshold)
-        payload = _checked_payload(request.payload)
-        distance = float(np.linalg.norm(end - start))
-        if distance < request.settings.epsilon:
-            raise StartEqualsEnd(
-                f"start_position and end_position are only {distance:.3g} rad apart, epsilon is "
-                f"{request.settings.epsilon:g} rad: nothing to swing"
-            )
-        index = swing_speed_index(model, start, end, limits.velocity)
-
-        def hold_start(kept: BoolVector) -> Holding:
-            return self._hold(start, limits, payload, kept)
-
-        def simulate(kept: BoolVector) -> Trajectory:
-            return simulate_swing(model, self._solver, start, end, limits, kept, request.settings)
-
-        basic_protected = (
-            protected if request.method is Method.ELONGATE else ~np.zeros_like(protected)
-        )
-        search = greedy_search(index, basic_protected, hold_start, simulate)
-        time_cost_basic = search.trials[0].time_cost
-        final = self._hold(end, limits, payload, None)
+        task = checked_task(self._model, self._limits, request)
+        self._require_muscles_for_every_joint(task)
+        index = swing_speed_index(self._model, task.start, task.end, task.limits.velocity)
+        search = self._search(task, index, clock)
+        final = self._hold(task.end, task.limits, task.payload, None, task.holding_weight)
         if not final.feasible:
             raise HoldingInfeasible(
                 f"the end posture cannot be held: {final.residual:.3g} N m are missing; choose "
                 "another end posture, less payload or a wider tension range"
             )
-        if request.method is Method.INHIBIT:
-            # o[i] = 0 if q[i] > C (eq. 5): the simulation of section IV-C masks these muscles.
-            kept = ~(index > threshold) | protected
-            search = SearchResult(kept, search.holding, simulate(kept), search.trials)
-        return SwingPlan(
-            method=request.method,
-            start=start,
-            end=end,
-            kept=search.kept,
-            elongation=(
-                elongation(search.trajectory, limits, search.kept)
-                if request.method is Method.ELONGATE
-                else frozen(np.zeros(index.size))
-            ),
-            holding=search.holding,
-            final_holding=final,
+        best, inhibited = self._with_inhibition(task, index, search.best)
+        plan = SwingPlan(
+            joint_names=self._model.joint_names,
+            muscle_names=self._model.muscle_names,
+            method=task.method,
+            start=task.start,
+            end=task.end,
+            kept=best.kept,
+            inhibited=inhibited,
+            elongation=elongation(best.trajectory, task.limits, best.kept | inhibited),
+            basic_tension=search.basic.holding.tension,
+            holding_tension=best.holding.tension,
+            holding_margin=self._margin(task, search.best),
+            final_tension=final.tension,
             speed_index=index,
-            trajectory=search.trajectory,
-            time_cost_basic=time_cost_basic,
-            epsilon=request.settings.epsilon,
+            trajectory=best.trajectory,
+            time_cost_basic=search.basic.trajectory.time_cost,
+            epsilon=task.settings.epsilon,
             trials=search.trials,
+            proven=search.proven,
+            warnings=(),
+        )
+        return replace(plan, warnings=_warnings(plan, task.limits, search.cut))
+
+    def compare(
+        self, request: SwingRequest, clock: Callable[[], float] | None = None
+    ) -> tuple[Outcome, ...]:
+        """Plan one swing by each method; an error is kept as that method's outcome."""
+        outcomes = []
+        for method in Method:
+            try:
+                outcomes.append(Outcome(method, self.plan(replace(request, method=method), clock)))
+            except PlannerError as error:
+                outcomes.append(Outcome(method, None, error))
+        return tuple(outcomes)
+
+    def _require_muscles_for_every_joint(self, task: SwingTask) -> None:
+        for what, posture in (
+            ("start", task.start),
+            ("midpoint", (task.start + task.end) / 2.0),
+            ("end", task.end),
+        ):
+            _, sizes, rows = np.linalg.svd(self._model.jacobian(posture))
+            loose = rows[np.count_nonzero(sizes > _FULL_RANK * sizes[0]) :]
+            if loose.size:
+                names = [
+                    name
+                    for name, share in zip(
+                        self._model.joint_names, np.abs(loose).max(axis=0), strict=True
+                    )
+                    if share > 0.01
+                ]
+                raise SingularJacobian(
+                    f"the muscle Jacobian is singular at the {what} of the swing: no muscle "
+                    f"restrains some motion of {', '.join(names)}; leave joints out of the "
+                    "robot's description, or add muscles"
+                )
+
+    def _search(
+        self, task: SwingTask, index: Vector, clock: Callable[[], float] | None
+    ) -> SearchResult:
+        def hold_start(kept: BoolVector) -> Holding:
+            return self._hold(task.start, task.limits, task.payload, kept, task.holding_weight)
+
+        candidates = antagonists(index, task.protected) if task.method.elongates else []
+        search = MaskSearch(
+            index.size,
+            hold_start,
+            lambda kept: self._simulate(task, kept),
+            _deadline(task, clock, len(candidates)),
+        )
+        if task.search is Search.EXHAUSTIVE:
+            return search.exhaustive(candidates, task.limits.tension_min)
+        return search.greedy(candidates)
+
+    def _simulate(self, task: SwingTask, kept: BoolVector) -> Trajectory:
+        return simulate_swing(
+            self._model,
+            self._solver,
+            task.start,
+            task.end,
+            task.limits,
+            kept,
+            task.settings,
+            task.swing_weight,
+        )
+
+    def _with_inhibition(
+        self, task: SwingTask, index: Vector, best: Candidate
+    ) -> tuple[Candidate, BoolVector]:
+        """Return the swing that Method 1 makes of the best mask, and what it inhibits."""
+        if not task.method.inhibits:
+            return best, np.zeros(index.size, dtype=bool)
+        # o[i] = 0 if q[i] > C (eq. 5): the simulation of section IV-C masks these muscles.
+        inhibited = (index > task.threshold) & ~task.protected & best.kept
+        kept = best.kept & ~inhibited
+        return Candidate(kept, best.holding, self._simulate(task, kept)), inhibited
+
+    def _margin(self, task: SwingTask, best: Candidate) -> float:
+        kept, limits = best.kept, task.limits
+        return holding_margin(
+            self._solver,
+            self._model.jacobian(task.start)[kept],
+            self._model.gravity_torque(task.start, task.payload),
+            limits.tension_min[kept],
+            limits.tension_max[kept],
+            best.holding.tension[kept],
         )
 
 
-def method_from(value: int) -> Method:
-    """Return the method with this number; raises UnknownMethod listing the choices."""
-    try:
-        return Method(value)
-    except ValueError as error:
-        choices = ", ".join(f"{method.value} ({method.name.lower()})" for method in Method)
-        raise UnknownMethod(f"unknown method {value}, choose from: {choices}") from error
+def _deadline(
+    task: SwingTask, clock: Callable[[], float] | None, candidate_count: int
+) -> Callable[[], bool]:
+    if np.isinf(task.time_limit):
+        if task.search is Search.EXHAUSTIVE and candidate_count > _MOST_UNLIMITED:
+            raise InvalidLimit(
+                f"an exhaustive search of {candidate_count} antagonists needs a search_time_limit "
+                f"(up to {_MOST_UNLIMITED} go without)"
+            )
+        return lambda: False
+    if clock is None:
+        raise InvalidLimit("a search_time_limit needs a clock, such as time.monotonic")
+    begin = clock()
+    return lambda: clock() - begin >= task.time_limit
 
 
-def _checked_payload(payload: Payload | None) -> Payload | None:
-    if payload is None:
-        return None
-    finite_vector("payload_position", payload.position, ("x", "y", "z"))
-    if not (np.isfinite(payload.mass) and payload.mass >= 0):
-        raise InvalidLimit(f"payload_mass is {payload.mass} kg, must be finite and not negative")
-    return payload
+def _warnings(plan: SwingPlan, limits: MuscleLimits, cut: bool) -> tuple[str, ...]:
+    texts = []
+    for what, tension in (
+        ("start", plan.holding_tension),
+        ("end", plan.final_tension),
+    ):
+        for name, value, limit in zip(plan.muscle_names, tension, limits.tension_max, strict=True):
+            if value > HIGH_TENSION * limit:
+                texts.append(
+                    f"{name} holds the {what} posture with {value:.0f} N, "
+                    f"{value / limit:.0%} of its tension_max {limit:g} N"
+                )
+    if cut:
+        texts.append("the search ended at its time limit: a better mask may exist")
+    return tuple(texts)

@@ -7,36 +7,49 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.conversion import error_code, plan_to_message, request_from_message
+from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.plan import SwingPlanner
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan_conversion import (
+    outcome_to_message,
+    plan_to_message,
+    request_from_message,
+)
+from fastswing_planner.qp_solvers import SOLVERS, solver_from
 from fastswing_planner.robot import load_robot
-from fastswing_planner.swing import SwingSettings
+from fastswing_planner.robot_path import resolve_path
+from fastswing_planner.swing import SETTING_RANGES, SwingSettings
 
 _SETTINGS = SwingSettings()
+
+
+def _setting(name: str, description: str) -> Parameter:
+    low, high, unit = SETTING_RANGES[name]
+    return Parameter(name, getattr(_SETTINGS, name), description, unit, low, high, read_only=False)
+
 
 TABLE = (
     ROBOT_DESCRIPTION,
     Parameter(
-        "time_step",
-        _SETTINGS.time_step,
-        "Step of the simulated swing, unless a request gives its own.",
-        "s",
-        1e-4,
-        1.0,
+        "solver",
+        next(iter(SOLVERS)),
+        "What solves the quadratic programs; daqp is the faster one.",
+        choices=tuple(SOLVERS),
     ),
+    _setting("time_step", "Step of the simulated swing, unless a request gives its own."),
+    _setting("epsilon", "A swing ends this near to its end, unless a request gives its own."),
+    _setting("max_steps", "A longer simulated swing is an error, unless a request says so."),
     Parameter(
-        "epsilon",
-        _SETTINGS.epsilon,
-        "A swing has arrived this near to its end, unless a request gives its own.",
-        "rad",
-        1e-6,
+        "search_time_limit",
         1.0,
+        "Longest search for a mask, unless a request gives its own; then the best so far is taken.",
+        "s",
+        0.001,
+        3600.0,
+        read_only=False,
     ),
-    Parameter("max_steps", _SETTINGS.max_steps, "A longer swing is an error.", "", 1, 100_000),
 )
 
 
@@ -52,10 +65,16 @@ class PlannerNode(ManagedNode):
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot."""
         self._robot = load_robot(resolve_path(parameters["robot_description"]))
+        solver = solver_from(parameters["solver"])
+        self._planner = SwingPlanner(self._robot.model, self._robot.limits, solver)
+        self.parameters_changed(parameters)
+
+    def parameters_changed(self, parameters: Mapping[str, Any]) -> None:
+        """Use other defaults from the next request on."""
         self._settings = SwingSettings(
             parameters["time_step"], parameters["epsilon"], parameters["max_steps"]
         )
-        self._planner = SwingPlanner(self._robot.model, self._robot.limits, ProxSuiteSolver())
+        self._time_limit: float = parameters["search_time_limit"]
 
     def activate(self) -> None:
         """Offer the service."""
@@ -71,14 +90,19 @@ class PlannerNode(ManagedNode):
         response.error_code = ErrorCode.INTERNAL
         response.error_string = "defect in the planner, see its log"
         try:
-            swing = request_from_message(request, self._settings, self._robot.payload_body)
-            plan = self._planner.plan(swing)
+            swing = request_from_message(
+                request, self._settings, self._time_limit, self._robot.payload_body
+            )
+            if request.compare:
+                outcomes = self._planner.compare(swing, self.monotonic)
+                response.comparison = [outcome_to_message(outcome) for outcome in outcomes]
+            plan = self._planner.plan(swing, self.monotonic)
         except PlannerError as error:
             self._refused[error.code_name] = self._refused.get(error.code_name, 0) + 1
             response.error_code = error_code(error)
             response.error_string = str(error)
             return response
-        response.plan = plan_to_message(plan, self._robot.model)
+        response.plan = plan_to_message(plan)
         response.plan.header.stamp = self.get_clock().now().to_msg()
         response.error_code = ErrorCode.SUCCESS
         response.error_string = ""

@@ -3,9 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
-from fastswing_planner.errors import InvalidLimit, SwingBlocked
+from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.qp import QpSolver, QuadraticProgram
@@ -14,8 +15,17 @@ from fastswing_planner.ramp import velocity_bounds
 # The QP's rows are scaled by this, which brings their numbers near one.
 _ARM_UNIT = 0.04  # [m/rad]
 
+_ACTIVE = 1e-6  # [m/s] from a bound
 _STUCK_STEPS = 10
 _STUCK_PROGRESS = 1e-6  # [rad] over _STUCK_STEPS
+
+
+SETTING_RANGES = {
+    "time_step": (1e-4, 1.0, "s"),
+    "epsilon": (1e-5, 1.0, "rad"),
+    "max_steps": (1, 100_000, ""),
+}
+"""Lowest and highest value of each of the SwingSettings, and its unit."""
 
 
 @dataclass(frozen=True)
@@ -32,13 +42,14 @@ class SwingSettings:
     max_steps: int = 400
 
     def __post_init__(self) -> None:
-        """Raise InvalidLimit for a value that makes no sense."""
-        for name in ("time_step", "epsilon"):
+        """Raise NotFinite or InvalidLimit for a value that makes no sense."""
+        for name, (low, high, unit) in SETTING_RANGES.items():
             value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise InvalidLimit(f"{name} is {value}, must be positive and finite")
-        if self.max_steps < 1:
-            raise InvalidLimit(f"max_steps is {self.max_steps}, must be at least 1")
+            if not np.isfinite(value):
+                raise NotFinite(f"{name} is {value}, expected a finite number")
+            if not low <= value <= high:
+                text = f"{name} is {value:g} {unit}".rstrip()
+                raise InvalidLimit(f"{text}, must be {low:g} to {high:g}")
 
 
 @dataclass(frozen=True)
@@ -50,6 +61,7 @@ class Trajectory:
     joint_velocity   [rad/s] shape (k + 1, n), mean over the step that ends here
     muscle_length    [m] shape (k + 1, m)
     muscle_velocity  [m/s] shape (k + 1, m), mean over the step that ends here
+    at_limit         kept muscles whose speed bound holds the step back, shape (k + 1, m)
     """
 
     time: Vector
@@ -57,6 +69,7 @@ class Trajectory:
     joint_velocity: Matrix
     muscle_length: Matrix
     muscle_velocity: Matrix
+    at_limit: NDArray[np.bool_]
 
     @property
     def time_cost(self) -> float:
@@ -108,16 +121,16 @@ def simulate_swing(
     dt = settings.time_step
     weight = np.eye(start.size) if weight is None else weight
     position, velocity = start, np.zeros(kept.size)
-    rows = [(position, np.zeros(start.size), model.lengths(position), velocity)]
+    at_limit = np.zeros(kept.size, dtype=bool)
+    rows = [(position, np.zeros(start.size), model.lengths(position), velocity, at_limit)]
     progress = [_weighted_norm(end - position, weight)]
-    active = np.zeros(kept.size, dtype=bool)
     while float(np.linalg.norm(end - position)) >= settings.epsilon:
         stuck = (
             len(rows) > _STUCK_STEPS
             and progress[-1 - _STUCK_STEPS] - progress[-1] < _STUCK_PROGRESS
         )
         if stuck or len(rows) > settings.max_steps:
-            raise SwingBlocked(_blocked_text(model, end - position, active, len(rows) - 1))
+            raise SwingBlocked(_blocked_text(model, end - position, at_limit, len(rows) - 1))
         muscle_jacobian = model.jacobian(position)
         low, high = velocity_bounds(velocity, limits.velocity, limits.acceleration, dt)
         step = solver.solve(
@@ -128,11 +141,18 @@ def simulate_swing(
         # theta <- theta + dtheta
         position = position + step
         velocity = muscle_jacobian @ step / dt
-        active = kept & ((velocity <= low + 1e-6) | (velocity >= high - 1e-6))
-        rows.append((position, step / dt, model.lengths(position), velocity))
+        at_limit = kept & ((velocity <= low + _ACTIVE) | (velocity >= high - _ACTIVE))
+        rows.append((position, step / dt, model.lengths(position), velocity, at_limit))
         progress.append(_weighted_norm(end - position, weight))
-    columns = [frozen(np.array(column)) for column in zip(*rows, strict=True)]
-    return Trajectory(frozen(dt * np.arange(len(rows))), *columns)
+    positions, velocities, lengths, muscle_velocities, limits_met = zip(*rows, strict=True)
+    return Trajectory(
+        time=frozen(dt * np.arange(len(rows))),
+        joint_position=frozen(positions),
+        joint_velocity=frozen(velocities),
+        muscle_length=frozen(lengths),
+        muscle_velocity=frozen(muscle_velocities),
+        at_limit=np.array(limits_met),
+    )
 
 
 def _weighted_norm(remaining: Vector, weight: Matrix) -> float:
@@ -141,16 +161,14 @@ def _weighted_norm(remaining: Vector, weight: Matrix) -> float:
 
 
 def _blocked_text(
-    model: MuscleModel, remaining: Vector, active: BoolVector, step_count: int
+    model: MuscleModel, remaining: Vector, at_limit: BoolVector, step_count: int
 ) -> str:
     joints = [
         f"{name} by {value:+.3f} rad"
         for name, value in zip(model.joint_names, remaining, strict=True)
         if abs(value) > 1e-3
     ]
-    muscles = [
-        name for name, is_active in zip(model.muscle_names, active, strict=True) if is_active
-    ]
+    muscles = [name for name, blocks in zip(model.muscle_names, at_limit, strict=True) if blocks]
     return (
         f"the swing stops short of its end after {step_count} steps: "
         f"{', '.join(joints) or 'all joints by less than 0.001 rad'}; "

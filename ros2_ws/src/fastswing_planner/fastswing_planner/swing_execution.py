@@ -14,8 +14,8 @@ from fastswing_planner.errors import SwingAborted
 from fastswing_planner.figures import SwingFigures, SwingMeasurement
 from fastswing_planner.holding import Holding
 from fastswing_planner.muscle_model import MuscleModel
-from fastswing_planner.plan import Method
 from fastswing_planner.posture import PosturePath, encoder_lengths, posture_path, smooth_fraction
+from fastswing_planner.request import Method
 
 
 class Phase(IntEnum):
@@ -267,7 +267,7 @@ class SwingExecution:
     def _step_settle(self, now: float, elapsed: float) -> Orders:
         distance = float(np.linalg.norm(self._swing.start - self._joints.position))
         ready = distance < self._settings.start_tolerance and self._resting(now)
-        if ready and (self._armed or self._swing.method is not Method.INHIBIT):
+        if ready and (self._armed or not self._swing.method.inhibits):
             return self._start_swing(now)
         if elapsed > self._settings.phase_limit:
             if ready:

@@ -10,7 +10,8 @@ from fastswing_planner.arrays import BoolVector, Matrix, Vector
 from fastswing_planner.errors import HoldingUndecided, SolverFailed
 from fastswing_planner.holding import build_holding, build_nearest_torque, hold
 from fastswing_planner.limits import MuscleLimits, muscle_limits
-from fastswing_planner.qp import ProxSuiteSolver, QpUnsolved, QuadraticProgram
+from fastswing_planner.qp import QpUnsolved, QuadraticProgram
+from fastswing_planner.qp_solvers import ProxSuiteSolver
 
 SEED = st.integers(0, 2**32 - 1)
 MUSCLES = ("a", "b", "c", "d", "e", "f")

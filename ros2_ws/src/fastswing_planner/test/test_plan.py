@@ -21,15 +21,9 @@ from fastswing_planner.errors import (
 )
 from fastswing_planner.mask_search import Verdict
 from fastswing_planner.muscle_model import Payload
-from fastswing_planner.plan import (
-    Method,
-    MuscleConstants,
-    SwingPlan,
-    SwingPlanner,
-    SwingRequest,
-    method_from,
-)
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method, MuscleConstants, SwingRequest, method_from
 from fastswing_planner.robot import Robot
 
 JOINT_LIST = "S-p, S-r, S-y, E-p, E-y"

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear, minimize
 
 from fastswing_planner.arrays import Vector
-from fastswing_planner.qp import ProxSuiteSolver, QpUnsolved, QuadraticProgram
+from fastswing_planner.qp import QpUnsolved, QuadraticProgram
+from fastswing_planner.qp_solvers import ProxSuiteSolver
 
 TINY_BOUND = Path(__file__).parent / "data" / "tiny_bound_swing_step.npz"
 SEED = st.integers(0, 2**32 - 1)

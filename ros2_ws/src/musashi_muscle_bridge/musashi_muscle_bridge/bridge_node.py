@@ -19,9 +19,10 @@ from fastswing_msgs.msg import (
     MuscleState,
     TensionCommand,
 )
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.bus import open_bus
 from musashi_muscle_bridge.bus_parameters import BUS_URL
 from musashi_muscle_bridge.commands import check_stamp, checked_index, checked_values

@@ -60,8 +60,8 @@ class ClosedLoop:
             plan.start,
             plan.end,
             plan.elongation,
-            plan.holding.tension,
-            plan.final_holding.tension,
+            plan.holding_tension,
+            plan.final_tension,
         )
         self._advance()
         execution = SwingExecution(

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.bus_parameters import BUS_URL
 from musashi_muscle_bridge.errors import FrameError

@@ -4,10 +4,12 @@ import argparse
 import sys
 
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, resolve_path
-from fastswing_planner.plan import Method, SwingPlanner, SwingRequest
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION
+from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.swing_execution import ExecutionSettings
 from musashi_muscle_bridge.closed_loop import ClosedLoop
 

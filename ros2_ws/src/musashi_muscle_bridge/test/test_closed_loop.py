@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from fastswing_planner.plan import Method, SwingPlan, SwingPlanner, SwingRequest
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot import Robot
 from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop

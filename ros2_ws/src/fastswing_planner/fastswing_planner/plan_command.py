@@ -1,0 +1,165 @@
+"""`plan`: a swing planned on the command line, without any node."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from numpy.typing import ArrayLike
+
+from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
+from fastswing_planner.muscle_model import Payload
+from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
+from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.request import (
+    Method,
+    MuscleConstants,
+    Search,
+    SwingRequest,
+    requested_limits,
+)
+from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.swing import SwingSettings
+
+
+def main() -> int:
+    """Run the command; returns 0, 1 if the arm cannot do it, 2 if the request is wrong."""
+    arguments = _parser().parse_args()
+    try:
+        _plan(arguments)
+    except PlannerError as error:
+        if arguments.json:
+            print(json.dumps({"error_code": error.code_name, "error_string": str(error)}))
+        print(f"plan: {error}", file=sys.stderr)
+        return 2 if isinstance(error, (InvalidRequest, RobotDescriptionError)) else 1
+    return 0
+
+
+def _plan(arguments: argparse.Namespace) -> None:
+    robot = load_robot(resolve_path(arguments.robot))
+    request = _request(arguments, robot)
+    planner = SwingPlanner(robot.model, robot.limits, solver_from(arguments.solver))
+    plan = planner.plan(request, time.monotonic)
+    comparison = planner.compare(request, time.monotonic)
+    if arguments.plot is not None:
+        # Not needed for the rest, and slow to import.
+        from fastswing_planner.plan_picture import save_plan_picture
+
+        limits = requested_limits(robot.model, robot.limits, request.constants)
+        try:
+            save_plan_picture(arguments.plot, plan, comparison, limits)
+        except (OSError, ValueError) as error:
+            raise InvalidRequest(f"--plot: {error}") from error
+    if arguments.json:
+        record = {"plan": plan_record(plan), "comparison": comparison_record(comparison)}
+        print(json.dumps(record, allow_nan=False))
+    else:
+        print(plan_text(plan, comparison))
+
+
+def _request(arguments: argparse.Namespace, robot: Robot) -> SwingRequest:
+    count = len(robot.model.muscle_names)
+
+    def for_all(values: list[float]) -> ArrayLike:
+        return values * count if len(values) == 1 else values
+
+    payload = None
+    if arguments.payload is not None:
+        x, y, z = _exactly(3, "--payload-position", arguments.payload_position)
+        body = arguments.payload_body or robot.payload_body
+        payload = Payload(arguments.payload, body, (x, y, z))
+    return SwingRequest(
+        start=_posture("--start", arguments.start, robot),
+        end=_posture("--end", arguments.end, robot),
+        method=Method[arguments.method.upper()],
+        kept_muscles=arguments.keep,
+        constants=MuscleConstants(
+            velocity=for_all(arguments.velocity_limit),
+            acceleration=for_all(arguments.acceleration_limit),
+            tension_min=for_all(arguments.tension_min),
+            tension_max=for_all(arguments.tension_max),
+            holding_weight=arguments.holding_weight,
+        ),
+        threshold=arguments.threshold,
+        payload=payload,
+        settings=SwingSettings(arguments.time_step, arguments.epsilon, arguments.max_steps),
+        swing_weight=arguments.swing_weight,
+        search=Search[arguments.search.upper()],
+        time_limit=arguments.time_limit,
+    )
+
+
+def _posture(option: str, text: str, robot: Robot) -> ArrayLike:
+    if text in robot.postures:
+        return robot.postures[text]
+    try:
+        return _numbers(text)
+    except argparse.ArgumentTypeError as error:
+        raise InvalidRequest(
+            f"{option} is '{text}': give one angle [rad] for each of "
+            f"{', '.join(robot.model.joint_names)}, with commas between, or a posture of the "
+            f"robot: {', '.join(robot.postures)}"
+        ) from error
+
+
+def _exactly(count: int, option: str, values: Sequence[float]) -> Sequence[float]:
+    if len(values) != count:
+        raise InvalidRequest(f"{option} has {len(values)} numbers, expected {count}")
+    return values
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' is not numbers with commas") from error
+
+
+def _parser() -> argparse.ArgumentParser:
+    settings = SwingSettings()
+    parser = argparse.ArgumentParser(
+        prog="plan",
+        description="Plan one swing, and compare all methods. Nothing moves.",
+        epilog="Angles that begin with a minus sign need an equals sign: --start=-0.7,0,0,-1.9,0",
+    )
+    add = parser.add_argument
+    add("--robot", default=MUSASHI, help="YAML file of the robot; default: the Musashi-like arm")
+    add("--start", default="start", help="angles [rad] with commas, or a posture of the robot")
+    add("--end", default="end", help="the same")
+    methods = [method.name.lower() for method in Method]
+    add("--method", choices=methods, default="elongate", help="default: elongate (Method 2)")
+    searches = [search.name.lower() for search in Search]
+    add("--search", choices=searches, default="greedy", help="default: greedy, the paper's")
+    add("--time-limit", type=float, default=float("inf"), metavar="SEC", help="of the search")
+    add("--solver", choices=list(SOLVERS), default=next(iter(SOLVERS)))
+    add("--threshold", type=float, default=0.0, help="C [s/rad] of Method 1; default: 0")
+    add("--keep", nargs="+", default=[], metavar="MUSCLE", help="muscles that are never masked")
+    for option, what in (
+        ("--velocity-limit", "[m/s]"),
+        ("--acceleration-limit", "[m/s^2], inf: no ramp"),
+        ("--tension-min", "[N]"),
+        ("--tension-max", "[N]"),
+    ):
+        add(
+            option,
+            type=_numbers,
+            default=[],
+            metavar="X[,X...]",
+            help=f"{what}; one number for all muscles, or one for each; default: the robot's",
+        )
+    weight = "diagonal or all of it, row by row; default: identity"
+    add("--holding-weight", type=_numbers, default=[], metavar="X,...", help=f"W1, {weight}")
+    add("--swing-weight", type=_numbers, default=[], metavar="X,...", help=f"W2, {weight}")
+    add("--payload", type=float, metavar="KG", help="mass that the arm holds; default: none")
+    add("--payload-body", default="", metavar="BODY", help="that carries it; default: the robot's")
+    add("--payload-position", type=_numbers, default=[0.0] * 3, metavar="X,Y,Z", help="[m] in it")
+    add("--time-step", type=float, default=settings.time_step, metavar="SEC")
+    add("--epsilon", type=float, default=settings.epsilon, metavar="RAD")
+    add("--max-steps", type=int, default=settings.max_steps, metavar="COUNT")
+    add("--json", action="store_true", help="print JSON instead of tables")
+    add("--plot", type=Path, metavar="FILE", help="also draw the plan (png, svg, pdf)")
+    return parser

@@ -1,0 +1,228 @@
+"""Requests, plans and comparisons to and from their messages."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from geometry_msgs.msg import Point
+
+from fastswing_msgs.msg import (
+    ErrorCode,
+    MaskTrial,
+    MethodOutcome,
+    SwingOptions,
+    SwingPoint,
+)
+from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
+from fastswing_msgs.srv import PlanSwing
+from fastswing_planner.arrays import BoolVector, frozen
+from fastswing_planner.error_code import error_code, error_from
+from fastswing_planner.figures_conversion import column
+from fastswing_planner.mask_search import Trial, Verdict
+from fastswing_planner.muscle_model import Payload
+from fastswing_planner.plan import Outcome, SwingPlan
+from fastswing_planner.request import (
+    Method,
+    MuscleConstants,
+    Search,
+    SwingRequest,
+    choice_from,
+)
+from fastswing_planner.swing import SwingSettings, Trajectory
+
+_VERDICTS = {
+    Verdict.TAKEN: MaskTrial.VERDICT_TAKEN,
+    Verdict.NOT_FASTER: MaskTrial.VERDICT_NOT_FASTER,
+    Verdict.HOLDING_INFEASIBLE: MaskTrial.VERDICT_HOLDING_INFEASIBLE,
+    Verdict.SWING_BLOCKED: MaskTrial.VERDICT_SWING_BLOCKED,
+}
+_VERDICTS_BACK = {number: verdict for verdict, number in _VERDICTS.items()}
+
+# Vectors that have the same name in the plan and in its message.
+_VECTORS = (
+    "elongation",
+    "basic_tension",
+    "holding_tension",
+    "final_tension",
+    "speed_index",
+)
+_POINT_VECTORS = ("joint_position", "joint_velocity", "muscle_length", "muscle_velocity")
+
+
+def request_from_message(
+    request: PlanSwing.Request, settings: SwingSettings, time_limit: float, payload_body: str
+) -> SwingRequest:
+    """Return the swing that is asked for.
+
+    settings      used where the request's options are zero
+    time_limit    [s] of the search, used where the request's is zero
+    payload_body  used where the request names none
+
+    Raises UnknownMethod, NotFinite or InvalidLimit.
+    """
+    options: SwingOptions = request.options
+    position = options.payload_position
+    payload = Payload(
+        options.payload_mass,
+        options.payload_body or payload_body,
+        (position.x, position.y, position.z),
+    )
+    return SwingRequest(
+        start=request.start_position,
+        end=request.end_position,
+        method=choice_from(Method, "method", options.method),
+        joint_names=tuple(request.joint_name),
+        kept_muscles=tuple(options.kept_muscle),
+        constants=MuscleConstants(
+            tuple(options.muscle_name),
+            options.velocity_limit,
+            options.acceleration_limit,
+            options.tension_min,
+            options.tension_max,
+            options.holding_weight,
+        ),
+        threshold=options.threshold,
+        payload=payload if options.payload_mass != 0.0 else None,
+        settings=SwingSettings(
+            time_step=options.time_step or settings.time_step,
+            epsilon=options.epsilon or settings.epsilon,
+            max_steps=options.max_steps or settings.max_steps,
+        ),
+        swing_weight=options.swing_weight,
+        search=choice_from(Search, "search", options.search),
+        time_limit=options.search_time_limit or time_limit,
+    )
+
+
+def request_to_message(request: SwingRequest, compare: bool) -> PlanSwing.Request:
+    """Return the message of a request; its settings are sent even where they are the defaults."""
+    constants, payload = request.constants, request.payload
+    options = SwingOptions(
+        method=int(request.method),
+        search=int(request.search),
+        search_time_limit=request.time_limit if np.isfinite(request.time_limit) else 0.0,
+        kept_muscle=list(request.kept_muscles),
+        muscle_name=list(constants.muscle_names),
+        velocity_limit=_numbers(constants.velocity),
+        acceleration_limit=_numbers(constants.acceleration),
+        tension_min=_numbers(constants.tension_min),
+        tension_max=_numbers(constants.tension_max),
+        holding_weight=_numbers(constants.holding_weight),
+        swing_weight=_numbers(request.swing_weight),
+        threshold=float(request.threshold),
+        **dataclasses.asdict(request.settings),
+    )
+    if payload is not None:
+        options.payload_mass = float(payload.mass)
+        options.payload_body = payload.body
+        x, y, z = payload.position
+        options.payload_position = Point(x=float(x), y=float(y), z=float(z))
+    return PlanSwing.Request(
+        joint_name=list(request.joint_names),
+        start_position=_numbers(request.start),
+        end_position=_numbers(request.end),
+        options=options,
+        compare=compare,
+    )
+
+
+def plan_to_message(plan: SwingPlan) -> SwingPlanMessage:
+    """Return the message of a plan; its stamp is left to the caller."""
+    return SwingPlanMessage(
+        method=int(plan.method),
+        joint_name=plan.joint_names,
+        start_position=plan.start.tolist(),
+        end_position=plan.end.tolist(),
+        muscle_name=plan.muscle_names,
+        mask=plan.kept.astype(np.uint8).tolist(),
+        inhibited=plan.inhibited.astype(np.uint8).tolist(),
+        **{name: getattr(plan, name).tolist() for name in _VECTORS},
+        holding_margin=plan.holding_margin,
+        epsilon=plan.epsilon,
+        time_cost=plan.time_cost,
+        time_cost_basic=plan.time_cost_basic,
+        trajectory=_points(plan.trajectory),
+        trials=[_trial(trial, plan.muscle_names) for trial in plan.trials],
+        proven=plan.proven,
+        warning=list(plan.warnings),
+    )
+
+
+def plan_from_message(message: SwingPlanMessage) -> SwingPlan:
+    """Return the plan that `plan_to_message` wrote."""
+    muscles = tuple(message.muscle_name)
+    return SwingPlan(
+        joint_names=tuple(message.joint_name),
+        muscle_names=muscles,
+        method=Method(message.method),
+        start=frozen(message.start_position),
+        end=frozen(message.end_position),
+        kept=np.array(message.mask, dtype=bool),
+        inhibited=np.array(message.inhibited, dtype=bool),
+        **{name: frozen(getattr(message, name)) for name in _VECTORS},
+        holding_margin=message.holding_margin,
+        epsilon=message.epsilon,
+        time_cost_basic=message.time_cost_basic,
+        trajectory=_trajectory(message.trajectory),
+        trials=tuple(_trial_from(trial, muscles) for trial in message.trials),
+        proven=message.proven,
+        warnings=tuple(message.warning),
+    )
+
+
+def outcome_to_message(outcome: Outcome) -> MethodOutcome:
+    """Return the message of one method's outcome."""
+    message = MethodOutcome(method=int(outcome.method), error_code=ErrorCode.SUCCESS)
+    if outcome.plan is not None:
+        message.plan = plan_to_message(outcome.plan)
+    if outcome.error is not None:
+        message.error_code = error_code(outcome.error)
+        message.error_string = str(outcome.error)
+    return message
+
+
+def outcome_from_message(message: MethodOutcome) -> Outcome:
+    """Return the outcome that `outcome_to_message` wrote."""
+    method = Method(message.method)
+    if message.error_code == ErrorCode.SUCCESS:
+        return Outcome(method, plan_from_message(message.plan))
+    return Outcome(method, None, error_from(message.error_code, message.error_string))
+
+
+def _numbers(values: object) -> list[float]:
+    return [float(value) for value in np.asarray(values, dtype=float).ravel()]
+
+
+def _points(trajectory: Trajectory) -> list[SwingPoint]:
+    return [
+        SwingPoint(
+            time_from_start=float(time),
+            at_limit=trajectory.at_limit[step].tolist(),
+            **{name: getattr(trajectory, name)[step].tolist() for name in _POINT_VECTORS},
+        )
+        for step, time in enumerate(trajectory.time)
+    ]
+
+
+def _trajectory(points: Sequence[SwingPoint]) -> Trajectory:
+    return Trajectory(
+        time=frozen([point.time_from_start for point in points]),
+        at_limit=np.array([point.at_limit for point in points], dtype=bool),
+        **{name: frozen(column(points, name)) for name in _POINT_VECTORS},
+    )
+
+
+def _trial(trial: Trial, muscle_names: Sequence[str]) -> MaskTrial:
+    return MaskTrial(
+        masked_muscle=[
+            name for name, kept in zip(muscle_names, trial.kept, strict=True) if not kept
+        ],
+        verdict=_VERDICTS[trial.verdict],
+        time_cost=trial.time_cost,
+        holding_residual=trial.holding_residual,
+    )
+
+
+def _trial_from(message: MaskTrial, muscle_names: Sequence[str]) -> Trial:
+    kept: BoolVector = np.array([name not in message.masked_muscle for name in muscle_names])
+    return Trial(kept, _VERDICTS_BACK[message.verdict], message.holding_residual, message.time_cost)

@@ -1,0 +1,127 @@
+"""The solvers behind the quadratic programs, chosen by name."""
+
+from collections.abc import Callable, Mapping
+
+import daqp
+import numpy as np
+import proxsuite
+
+from fastswing_planner.arrays import Vector
+from fastswing_planner.errors import InvalidLimit
+from fastswing_planner.qp import QpSolver, QpUnsolved, QuadraticProgram
+
+
+class ProxSuiteSolver:
+    """ProxQP's dense solver, cold-started, with tolerances that were measured to be needed.
+
+    With the default eps of 1e-5 ProxQP reports steps of the swing QP as solved that are off by up
+    to 0.9 rad/s; a warm start after an infeasible problem spoils the next.
+    """
+
+    max_iterations = 10_000
+    max_inner_iterations = 1_500
+
+    def __init__(self) -> None:
+        self._workspaces: dict[tuple[int, int, int], proxsuite.proxqp.dense.QP] = {}
+
+    def _workspace(self, problem: QuadraticProgram) -> proxsuite.proxqp.dense.QP:
+        size = (problem.c.size, problem.b.size, problem.lower.size)
+        if size not in self._workspaces:
+            workspace = proxsuite.proxqp.dense.QP(*size)
+            settings = workspace.settings
+            settings.eps_abs = 1e-9
+            settings.eps_rel = 0.0
+            settings.check_duality_gap = True
+            settings.eps_duality_gap_abs = 1e-7
+            settings.eps_duality_gap_rel = 0.0
+            # Every problem asked here is feasible; with 1e-12 ProxQP once denied it for a bound of
+            # -8e-15 beside zeros.
+            settings.eps_primal_inf = 0.0
+            settings.max_iter = self.max_iterations
+            settings.max_iter_in = self.max_inner_iterations
+            settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
+            self._workspaces[size] = workspace
+        return self._workspaces[size]
+
+    def solve(self, problem: QuadraticProgram) -> Vector:
+        """Return the minimiser, shape (n,). Raises QpUnsolved."""
+        workspace = self._workspace(problem)
+        workspace.init(
+            problem.P,
+            problem.c,
+            problem.A if problem.b.size else None,
+            problem.b if problem.b.size else None,
+            problem.C if problem.lower.size else None,
+            problem.lower if problem.lower.size else None,
+            problem.upper if problem.lower.size else None,
+        )
+        workspace.solve()
+        status = workspace.results.info.status
+        if status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
+            # The workspace of an unsolved problem spoils the next.
+            del self._workspaces[problem.c.size, problem.b.size, problem.lower.size]
+            undecided = status == proxsuite.proxqp.QPSolverOutput.PROXQP_MAX_ITER_REACHED
+            raise QpUnsolved(str(status).rpartition(".")[2], problem, undecided)
+        return _finite(np.array(workspace.results.x), problem)
+
+
+class DaqpSolver:
+    """DAQP, a dual active-set solver: faster than ProxQP on programs of this size.
+
+    Semidefinite costs are solved by its proximal iterations; with its default eta_prox their
+    result is off by up to 1e-4 N m.
+    """
+
+    _OPTIMAL = 1
+    _ITERATION_LIMIT = -4
+    _EQUALITY = 5
+    _STATUS: Mapping[int, str] = {
+        -1: "infeasible",
+        -2: "cycling",
+        -3: "unbounded",
+        -4: "iteration limit",
+        -5: "not convex",
+        -6: "overdetermined",
+        -7: "time limit",
+    }
+
+    max_iterations = 10_000
+
+    def solve(self, problem: QuadraticProgram) -> Vector:
+        """Return the minimiser, shape (n,). Raises QpUnsolved."""
+        equalities, inequalities = problem.b.size, problem.lower.size
+        x, _, status, _ = daqp.solve(
+            np.ascontiguousarray(problem.P),
+            np.array(problem.c),
+            np.ascontiguousarray(np.vstack([problem.A, problem.C])),
+            np.concatenate([problem.b, problem.upper]),
+            np.concatenate([problem.b, problem.lower]),
+            np.repeat([self._EQUALITY, 0], [equalities, inequalities]).astype(np.int32),
+            primal_tol=1e-9,
+            eta_prox=1e-9,
+            iter_limit=self.max_iterations,
+        )
+        if status != self._OPTIMAL:
+            text = self._STATUS.get(status, f"exit flag {status}")
+            raise QpUnsolved(text, problem, undecided=status == self._ITERATION_LIMIT)
+        return _finite(np.array(x), problem)
+
+
+SOLVERS: Mapping[str, Callable[[], QpSolver]] = {
+    "proxsuite": ProxSuiteSolver,
+    "daqp": DaqpSolver,
+}
+"""The solvers by name; the first is the default."""
+
+
+def solver_from(name: str) -> QpSolver:
+    """Return a new solver; raises InvalidLimit listing the choices."""
+    if name not in SOLVERS:
+        raise InvalidLimit(f"unknown solver '{name}', choose from: {', '.join(SOLVERS)}")
+    return SOLVERS[name]()
+
+
+def _finite(x: Vector, problem: QuadraticProgram) -> Vector:
+    if not np.isfinite(x).all():
+        raise QpUnsolved("the answer is not finite", problem, undecided=False)
+    return x

@@ -1,0 +1,311 @@
+"""What a user asks of the planner, and how it is checked."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fastswing_planner.arrays import (
+    BoolVector,
+    Matrix,
+    Vector,
+    finite_vector,
+    frozen,
+    named_vector,
+    unique_known,
+)
+from fastswing_planner.errors import (
+    InvalidLimit,
+    InvalidWeight,
+    NotFinite,
+    OutOfRange,
+    StartEqualsEnd,
+    UnknownMethod,
+    WrongLength,
+)
+from fastswing_planner.limits import MuscleLimits, muscle_limits
+from fastswing_planner.muscle_model import MuscleModel, Payload
+from fastswing_planner.swing import SwingSettings
+
+_LARGEST_POSITION = 1000.0  # [rad] of a joint without limits
+_LARGEST_THRESHOLD = 1e6  # [s/rad]
+_LARGEST_MASS = 1e4  # [kg]
+_LARGEST_DISTANCE = 100.0  # [m]
+_WORST_WEIGHT = 1e-6  # smallest eigenvalue of a weight, in parts of its largest
+
+
+class Method(IntEnum):
+    """How to swing; the values are those of `fastswing_msgs/SwingOptions`."""
+
+    BASIC = 0
+    INHIBIT = 1
+    ELONGATE = 2
+    HYBRID = 3
+
+    @property
+    def inhibits(self) -> bool:
+        """Whether muscles are at zero current during the swing."""
+        return self in (Method.INHIBIT, Method.HYBRID)
+
+    @property
+    def elongates(self) -> bool:
+        """Whether muscles are paid out before the swing."""
+        return self in (Method.ELONGATE, Method.HYBRID)
+
+
+class Search(IntEnum):
+    """How masks are searched; the values are those of `fastswing_msgs/SwingOptions`."""
+
+    GREEDY = 0
+    EXHAUSTIVE = 1
+
+
+@dataclass(frozen=True)
+class MuscleConstants:
+    """What replaces the robot's own values for the named muscles; empty arrays replace nothing.
+
+    muscle_names    empty: all muscles, in the model's order
+    velocity, acceleration, tension_min, tension_max  as in MuscleLimits, one number per muscle
+    holding_weight  their block of W1 (eq. 6): its diagonal, or the whole block, row by row
+    """
+
+    muscle_names: Sequence[str] = ()
+    velocity: ArrayLike = ()
+    acceleration: ArrayLike = ()
+    tension_min: ArrayLike = ()
+    tension_max: ArrayLike = ()
+    holding_weight: ArrayLike = ()
+
+
+@dataclass(frozen=True)
+class SwingRequest:
+    """What a user asks for.
+
+    start, end      [rad] in the order of joint_names; empty joint_names: the model's order
+    kept_muscles    muscles that are never masked
+    constants       values that differ from the robot's
+    threshold       C [s/rad] of eq. 5 of the paper
+    swing_weight    W2 (eq. 7) in the order of joint_names: its diagonal, or all of it, row by row
+    search          how the mask is searched
+    time_limit      [s] of the search; infinite: none
+    """
+
+    start: ArrayLike
+    end: ArrayLike
+    method: Method = Method.BASIC
+    joint_names: Sequence[str] = ()
+    kept_muscles: Sequence[str] = ()
+    constants: MuscleConstants = field(default_factory=MuscleConstants)
+    threshold: float = 0.0
+    payload: Payload | None = None
+    settings: SwingSettings = field(default_factory=SwingSettings)
+    swing_weight: ArrayLike = ()
+    search: Search = Search.GREEDY
+    time_limit: float = np.inf
+
+
+@dataclass(frozen=True)
+class SwingTask:
+    """A checked request: m muscles and n joints in the model's order.
+
+    protected       muscles that are never masked, shape (m,)
+    holding_weight  W1, shape (m, m)
+    swing_weight    W2, shape (n, n)
+    """
+
+    start: Vector
+    end: Vector
+    method: Method
+    limits: MuscleLimits
+    protected: BoolVector
+    threshold: float
+    payload: Payload | None
+    settings: SwingSettings
+    holding_weight: Matrix
+    swing_weight: Matrix
+    search: Search
+    time_limit: float
+
+
+def checked_task(model: MuscleModel, limits: MuscleLimits, request: SwingRequest) -> SwingTask:
+    """Return the request in the model's order, every value checked.
+
+    limits  the robot's own, used where the request has no others
+
+    Raises an InvalidRequest that names the value and what would be right.
+    """
+    muscles, joints = model.muscle_names, model.joint_names
+    start, end = swing_postures(model, request.joint_names, request.start, request.end)
+    distance = float(np.linalg.norm(end - start))
+    if distance < request.settings.epsilon:
+        raise StartEqualsEnd(
+            f"start_position and end_position are only {distance:.3g} rad apart, epsilon is "
+            f"{request.settings.epsilon:g} rad: nothing to swing"
+        )
+    protected = np.zeros(len(muscles), dtype=bool)
+    protected[unique_known("muscle", request.kept_muscles, muscles)] = True
+    constants = request.constants
+    return SwingTask(
+        start=start,
+        end=end,
+        method=request.method,
+        limits=requested_limits(model, limits, constants),
+        protected=protected,
+        threshold=checked_threshold(request.threshold),
+        payload=_checked_payload(request.payload),
+        settings=request.settings,
+        holding_weight=_checked_weight(
+            "holding_weight", "muscle", constants.holding_weight, constants.muscle_names, muscles
+        ),
+        swing_weight=_checked_weight(
+            "swing_weight", "joint", request.swing_weight, request.joint_names, joints
+        ),
+        search=request.search,
+        time_limit=_checked_time_limit(request.time_limit),
+    )
+
+
+def posture(what: str, model: MuscleModel, joint_names: Sequence[str], values: ArrayLike) -> Vector:
+    """Return a checked posture [rad] in the model's joint order, shape (n,).
+
+    Raises WrongLength, NotFinite, UnknownName, DuplicateName or OutOfRange.
+    """
+    angles = named_vector(what, "joint", joint_names, values, model.joint_names)
+    lower = np.maximum(model.joint_lower, -_LARGEST_POSITION)
+    upper = np.minimum(model.joint_upper, _LARGEST_POSITION)
+    for name, angle, low, high in zip(model.joint_names, angles, lower, upper, strict=True):
+        if not low <= angle <= high:
+            raise OutOfRange(
+                f"{what} of {name} is {angle:.4f} rad, its range is {low:.4f} to {high:.4f} rad"
+            )
+    return angles
+
+
+def swing_postures(
+    model: MuscleModel, joint_names: Sequence[str], start: ArrayLike, end: ArrayLike
+) -> tuple[Vector, Vector]:
+    """Return checked start and end postures [rad]; raises StartEqualsEnd and as `posture`."""
+    first = posture("start_position", model, joint_names, start)
+    last = posture("end_position", model, joint_names, end)
+    if np.array_equal(first, last):
+        angles = ", ".join(f"{angle:g}" for angle in first)
+        raise StartEqualsEnd(
+            f"start_position and end_position are the same ({angles} rad): nothing to swing"
+        )
+    return first, last
+
+
+def requested_limits(
+    model: MuscleModel, limits: MuscleLimits, constants: MuscleConstants
+) -> MuscleLimits:
+    """Return the robot's limits with the requested constants in their place.
+
+    Raises UnknownName, DuplicateName, WrongLength, NotFinite, InvalidLimit or InvalidTensionRange.
+    """
+    index = unique_known("muscle", constants.muscle_names, model.muscle_names)
+    index = index or list(range(len(model.muscle_names)))
+    vectors = []
+    for what in ("velocity", "acceleration", "tension_min", "tension_max"):
+        vector = np.array(getattr(limits, what))
+        values = np.asarray(getattr(constants, what), dtype=float)
+        if values.size:
+            _require_size(what, values, index, constants.muscle_names)
+            vector[index] = values
+        vectors.append(vector)
+    return muscle_limits(model.muscle_names, *vectors)
+
+
+def checked_threshold(value: float) -> float:
+    """Return C [s/rad]; raises NotFinite or InvalidLimit unless it is finite and not negative."""
+    if not np.isfinite(value):
+        raise NotFinite(f"threshold is {value}, expected a finite number")
+    if not 0 <= value <= _LARGEST_THRESHOLD:
+        raise InvalidLimit(
+            f"threshold is {value:g} s/rad, must be 0 to {_LARGEST_THRESHOLD:g}: below 0 agonists "
+            "would be inhibited"
+        )
+    return float(value)
+
+
+_Choice = TypeVar("_Choice", Method, Search)
+
+
+def choice_from(kind: Callable[[int], _Choice], what: str, value: int) -> _Choice:
+    """Return the Method or Search of a number; raises UnknownMethod listing the choices."""
+    try:
+        return kind(value)
+    except ValueError as error:
+        choices = ", ".join(f"{one.value} ({one.name.lower()})" for one in kind)  # type: ignore[attr-defined]
+        raise UnknownMethod(f"unknown {what} {value}, choose from: {choices}") from error
+
+
+def _require_size(
+    what: str, values: Vector, index: Sequence[int], muscle_names: Sequence[str]
+) -> None:
+    if values.shape != (len(index),):
+        named = "muscles in muscle_name" if muscle_names else "muscles"
+        raise WrongLength(
+            f"{what} has {values.size} values, expected none or one for each of the "
+            f"{len(index)} {named}"
+        )
+
+
+def _checked_weight(
+    what: str, kind: str, values: ArrayLike, names: Sequence[str], valid: Sequence[str]
+) -> Matrix:
+    """Return a weight whose largest eigenvalue is 1: only the ratios within it matter."""
+    index = unique_known(kind, names, valid) or list(range(len(valid)))
+    count, given = len(index), np.asarray(values, dtype=float)
+    if given.size not in (0, count, count * count):
+        raise WrongLength(
+            f"{what} has {given.size} values, expected none, {count} (the diagonal) or "
+            f"{count * count} (all of it, row by row)"
+        )
+    if not np.isfinite(given).all():
+        raise NotFinite(f"{what} holds {given[~np.isfinite(given)][0]}, expected finite numbers")
+    weight = np.eye(len(valid))
+    if given.size:
+        diagonal = given.size == count
+        weight[np.ix_(index, index)] = np.diag(given) if diagonal else given.reshape(count, count)
+    size = float(np.abs(weight).max())
+    weight = weight / size
+    if not np.allclose(weight, weight.T, rtol=0.0, atol=1e-9):
+        row, column = np.unravel_index(np.argmax(np.abs(weight - weight.T)), weight.shape)
+        raise InvalidWeight(
+            f"{what} is not symmetric: {weight[row, column] * size:g} in row {row + 1}, column "
+            f"{column + 1}, but {weight[column, row] * size:g} in the mirrored place"
+        )
+    eigenvalues = np.linalg.eigvalsh(weight)
+    if eigenvalues[0] < _WORST_WEIGHT * eigenvalues[-1]:
+        raise InvalidWeight(
+            f"{what} is not positive definite: its eigenvalues reach from "
+            f"{eigenvalues[0] * size:g} to {eigenvalues[-1] * size:g}, the smallest must be at "
+            f"least {_WORST_WEIGHT:g} of the largest"
+        )
+    return frozen(weight / eigenvalues[-1])
+
+
+def _checked_payload(payload: Payload | None) -> Payload | None:
+    if payload is None:
+        return None
+    position = finite_vector("payload_position", payload.position, ("x", "y", "z"))
+    if np.abs(position).max() > _LARGEST_DISTANCE:
+        raise InvalidLimit(
+            f"payload_position is {position.tolist()} m, must be within {_LARGEST_DISTANCE:g} m"
+        )
+    if not np.isfinite(payload.mass):
+        raise NotFinite(f"payload_mass is {payload.mass}, expected a finite number")
+    if not 0 <= payload.mass <= _LARGEST_MASS:
+        raise InvalidLimit(f"payload_mass is {payload.mass:g} kg, must be 0 to {_LARGEST_MASS:g}")
+    return payload
+
+
+def _checked_time_limit(value: float) -> float:
+    if np.isnan(value):
+        raise NotFinite("search_time_limit is nan, expected a number of seconds")
+    if not value > 0:
+        raise InvalidLimit(f"search_time_limit is {value:g} s, must be positive")
+    return float(value)
