@@ -13,7 +13,7 @@ from fastswing_planner.errors import RobotDescriptionError
 _LEFT_OVER = 1e-6
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Follower:
     """One joint that a polynomial ties to another, or to a constant (leader -1)."""
 
