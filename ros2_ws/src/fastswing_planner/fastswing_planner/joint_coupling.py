@@ -12,7 +12,7 @@ from fastswing_planner.errors import RobotDescriptionError
 _LEFT_OVER = 1e-6  # [m/rad, rad/rad]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Follower:
     """One joint that a polynomial ties to another, or to a constant (leader -1)."""
 

@@ -145,13 +145,15 @@ def simulate_swing(
         rows.append((position, step / dt, model.lengths(position), velocity, at_limit))
         progress.append(_weighted_norm(end - position, weight))
     positions, velocities, lengths, muscle_velocities, limits_met = zip(*rows, strict=True)
+    at_limits = np.array(limits_met)
+    at_limits.setflags(write=False)
     return Trajectory(
         time=frozen(dt * np.arange(len(rows))),
         joint_position=frozen(positions),
         joint_velocity=frozen(velocities),
         muscle_length=frozen(lengths),
         muscle_velocity=frozen(muscle_velocities),
-        at_limit=np.array(limits_met),
+        at_limit=at_limits,
     )
 
 
