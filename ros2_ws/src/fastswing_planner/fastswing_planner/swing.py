@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.muscle_model import MuscleModel
@@ -45,11 +45,13 @@ class SwingSettings:
         """Raise NotFinite or InvalidLimit for a value that makes no sense."""
         for name, (low, high, unit) in SETTING_RANGES.items():
             value = getattr(self, name)
-            if not np.isfinite(value):
+            if value != value or abs(value) == np.inf:  # also for whole numbers of any size
                 raise NotFinite(f"{name} is {value}, expected a finite number")
             if not low <= value <= high:
-                text = f"{name} is {value:g} {unit}".rstrip()
-                raise InvalidLimit(f"{text}, must be {low:g} to {high:g}")
+                shown = f"{value:g}" if isinstance(value, float) else f"{value}"
+                raise InvalidLimit(
+                    f"{name} is {shown} {unit}".rstrip() + f", must be {low:g} to {high:g}"
+                )
 
 
 @dataclass(frozen=True)
@@ -151,7 +153,7 @@ def simulate_swing(
         joint_velocity=frozen(velocities),
         muscle_length=frozen(lengths),
         muscle_velocity=frozen(muscle_velocities),
-        at_limit=np.array(limits_met),
+        at_limit=frozen_flags(limits_met),
     )
 
 

@@ -24,6 +24,7 @@ def swing_of(lengths: Matrix) -> Trajectory:
         joint_velocity=np.zeros((count, 1)),
         muscle_length=lengths,
         muscle_velocity=np.zeros_like(lengths),
+        at_limit=np.zeros(lengths.shape, dtype=bool),
     )
 
 

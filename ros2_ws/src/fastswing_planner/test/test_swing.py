@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
-from fastswing_planner.errors import InvalidLimit, SwingBlocked
+from fastswing_planner.errors import SwingBlocked
 from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.qp import QuadraticProgram
@@ -252,17 +252,3 @@ def test_a_swing_without_progress_stops_early(linear_arm: ArmBuilder) -> None:
         "the swing stops short of its end after 10 steps: "
         "j0 by +0.500 rad, j1 by -0.250 rad; blocking muscles: none"
     )
-
-
-@pytest.mark.parametrize("name", ["time_step", "epsilon"])
-@pytest.mark.parametrize("value", [0.0, -0.01, np.nan, np.inf])
-def test_a_step_or_tolerance_without_sense_is_refused(name: str, value: float) -> None:
-    with pytest.raises(InvalidLimit) as caught:
-        SwingSettings(**{name: value})  # type: ignore[arg-type]
-    assert str(caught.value) == f"{name} is {value}, must be positive and finite"
-
-
-def test_a_swing_must_be_allowed_a_step() -> None:
-    with pytest.raises(InvalidLimit) as caught:
-        SwingSettings(max_steps=0)
-    assert str(caught.value) == "max_steps is 0, must be at least 1"
