@@ -110,9 +110,9 @@ class PlannerClient:
         try:
             while not any(answer.done() for answer in asked):
                 if time.monotonic() >= deadline:
+                    service = self._node.resolve_service_name(self._client.srv_name)
                     raise PlannerUnavailable(
-                        f"{self._client.srv_name} does not answer within {timeout:g} s: "
-                        "is the planner running?"
+                        f"{service} does not answer within {timeout:g} s: is the planner running?"
                     )
                 # The first answer after discovery can get lost; planning twice does no harm. An
                 # earlier one may still come: the planner answers in turn.
