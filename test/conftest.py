@@ -342,6 +342,18 @@ def bridge_and_mock(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]
 
 
 @pytest.fixture(scope="module")
+def lone_planner(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
+    """Start the planner alone."""
+    suite = Suite(tmp_path_factory.mktemp("lone_planner"))
+    try:
+        suite.start_active("planner")
+        assert suite.plan().error_string == ""
+        yield suite
+    finally:
+        suite.close()
+
+
+@pytest.fixture(scope="module")
 def all_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
     """Start everything that a swing needs."""
     suite = Suite(tmp_path_factory.mktemp("all_nodes"))

@@ -19,6 +19,13 @@ def frozen(values: ArrayLike) -> Vector:
     return array
 
 
+def frozen_flags(values: ArrayLike) -> NDArray[np.bool_]:
+    """Return a read-only copy of `values` as booleans."""
+    array = np.array(values, dtype=np.bool_)
+    array.setflags(write=False)
+    return array
+
+
 def finite_vector(what: str, values: ArrayLike, names: Sequence[str]) -> Vector:
     """Return `values` as a read-only vector with one finite number for each of `names`.
 

@@ -8,6 +8,7 @@ from typing import Any
 import rclpy
 from rclpy.experimental import EventsExecutor
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import PlanSwing
@@ -19,7 +20,7 @@ from fastswing_planner.plan_conversion import (
     plan_from_message,
     request_to_message,
 )
-from fastswing_planner.request import Method, SwingRequest
+from fastswing_planner.request import Method, SwingRequest, checked_time_limit
 
 _SLICE_SEC = 0.1
 _ASK_AGAIN_SEC = 5.0
@@ -99,24 +100,30 @@ class PlannerClient:
         return tuple(outcome_from_message(message) for message in answer.comparison)
 
     def _ask(self, request: SwingRequest, compare: bool) -> PlanSwing.Response:
+        checked_time_limit(request.time_limit)
         message = request_to_message(request, compare)
-        search = message.options.search_time_limit
-        deadline = time.monotonic() + self._timeout_sec + search
+        timeout = self._timeout_sec + message.options.search_time_limit
+        deadline = time.monotonic() + timeout
         self._spin_until(self._client.service_is_ready, deadline)
-        while True:
-            answer = self._client.call_async(message)
-            # The first answer after discovery can get lost; planning twice does no harm.
-            again = min(deadline, time.monotonic() + _ASK_AGAIN_SEC + 10.0 * search)
-            self._spin_until(answer.done, again)
-            if answer.done():
-                break
-            self._client.remove_pending_request(answer)
-            if time.monotonic() >= deadline:
-                raise PlannerUnavailable(
-                    f"{self._client.srv_name} does not answer within "
-                    f"{self._timeout_sec + search:g} s: is the planner running?"
-                )
-        response = answer.result()
+        asked: list[Future] = []
+        patience = _ASK_AGAIN_SEC + 10.0 * message.options.search_time_limit
+        try:
+            while not any(answer.done() for answer in asked):
+                if time.monotonic() >= deadline:
+                    service = self._node.resolve_service_name(self._client.srv_name)
+                    raise PlannerUnavailable(
+                        f"{service} does not answer within {timeout:g} s: is the planner running?"
+                    )
+                # The first answer after discovery can get lost; planning twice does no harm. An
+                # earlier one may still come: the planner answers in turn.
+                asked.append(self._client.call_async(message))
+                again = min(deadline, time.monotonic() + patience)
+                self._spin_until(lambda: any(answer.done() for answer in asked), again)
+                patience *= 2.0
+            response = next(answer.result() for answer in asked if answer.done())
+        finally:
+            for answer in asked:
+                self._client.remove_pending_request(answer)
         if response.error_code != ErrorCode.SUCCESS:
             raise error_from(response.error_code, response.error_string)
         return response

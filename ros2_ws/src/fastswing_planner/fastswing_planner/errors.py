@@ -16,6 +16,8 @@ class PlannerError(Exception):
 class InvalidRequest(PlannerError, ValueError):
     """The request itself is wrong: nothing was computed."""
 
+    code_name = "INVALID_REQUEST"
+
 
 class NotFinite(InvalidRequest):
     """A NaN or an infinity where a number is needed."""
@@ -77,10 +79,14 @@ class UnknownMethod(InvalidRequest):
     code_name = "UNKNOWN_METHOD"
 
 
-class RobotDescriptionError(PlannerError):
-    """A robot's MJCF or YAML cannot be used; the text names file, key and remedy."""
+class NotReady(PlannerError):
+    """Something that is needed is missing."""
 
     code_name = "NOT_READY"
+
+
+class RobotDescriptionError(NotReady):
+    """A robot's MJCF or YAML cannot be used; the text names file, key and remedy."""
 
 
 class SolverFailed(PlannerError):
@@ -121,7 +127,5 @@ class SwingAborted(PlannerError):
         self.code_name = code_name  # type: ignore[misc]  # an instance's own code
 
 
-class PlannerUnavailable(PlannerError, TimeoutError):
+class PlannerUnavailable(NotReady, TimeoutError):
     """No planner answers."""
-
-    code_name = "NOT_READY"

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
 from fastswing_planner.elongation import elongation
 from fastswing_planner.errors import (
     HoldingInfeasible,
@@ -166,8 +166,8 @@ class SwingPlanner:
             method=task.method,
             start=task.start,
             end=task.end,
-            kept=best.kept,
-            inhibited=inhibited,
+            kept=frozen_flags(best.kept),
+            inhibited=frozen_flags(inhibited),
             elongation=elongation(best.trajectory, task.limits, best.kept | inhibited),
             basic_tension=search.basic.holding.tension,
             holding_tension=best.holding.tension,

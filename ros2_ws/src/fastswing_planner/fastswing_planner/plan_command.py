@@ -2,14 +2,22 @@
 
 import argparse
 import json
+import signal
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from numpy.typing import ArrayLike
 
-from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
+from fastswing_planner.errors import (
+    InvalidRequest,
+    PlannerError,
+    RobotDescriptionError,
+    UnknownName,
+    WrongLength,
+)
 from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
@@ -25,21 +33,30 @@ from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
 from fastswing_planner.swing import SwingSettings
 
+_PICTURES = (".png", ".svg", ".pdf")
+
 
 def main() -> int:
     """Run the command; returns 0, 1 if the arm cannot do it, 2 if the request is wrong."""
+    # Ctrl-C, or a reader that has read enough, such as `head`, ends it without a word.
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     arguments = _parser().parse_args()
     try:
         _plan(arguments)
     except PlannerError as error:
         if arguments.json:
             print(json.dumps({"error_code": error.code_name, "error_string": str(error)}))
-        print(f"plan: {error}", file=sys.stderr)
+        print(f"plan: {' '.join(str(error).split())}", file=sys.stderr)
         return 2 if isinstance(error, (InvalidRequest, RobotDescriptionError)) else 1
     return 0
 
 
 def _plan(arguments: argparse.Namespace) -> None:
+    if arguments.plot is not None and arguments.plot.suffix.lower() not in _PICTURES:
+        raise InvalidRequest(
+            f"--plot is '{arguments.plot}': choose a file name that ends in {', '.join(_PICTURES)}"
+        )
     robot = load_robot(resolve_path(arguments.robot))
     request = _request(arguments, robot)
     planner = SwingPlanner(robot.model, robot.limits, solver_from(arguments.solver))
@@ -99,7 +116,7 @@ def _posture(option: str, text: str, robot: Robot) -> ArrayLike:
     try:
         return _numbers(text)
     except argparse.ArgumentTypeError as error:
-        raise InvalidRequest(
+        raise UnknownName(
             f"{option} is '{text}': give one angle [rad] for each of "
             f"{', '.join(robot.model.joint_names)}, with commas between, or a posture of the "
             f"robot: {', '.join(robot.postures)}"
@@ -108,7 +125,7 @@ def _posture(option: str, text: str, robot: Robot) -> ArrayLike:
 
 def _exactly(count: int, option: str, values: Sequence[float]) -> Sequence[float]:
     if len(values) != count:
-        raise InvalidRequest(f"{option} has {len(values)} numbers, expected {count}")
+        raise WrongLength(f"{option} has {len(values)} numbers, expected {count}")
     return values
 
 
@@ -119,9 +136,16 @@ def _numbers(text: str) -> list[float]:
         raise argparse.ArgumentTypeError(f"'{text}' is not numbers with commas") from error
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, without the usage before it."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see --help\n")
+
+
 def _parser() -> argparse.ArgumentParser:
     settings = SwingSettings()
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="plan",
         description="Plan one swing, and compare all methods. Nothing moves.",
         epilog="Angles that begin with a minus sign need an equals sign: --start=-0.7,0,0,-1.9,0",

@@ -15,7 +15,7 @@ from fastswing_msgs.msg import (
 )
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.arrays import BoolVector, frozen
+from fastswing_planner.arrays import frozen, frozen_flags
 from fastswing_planner.error_code import error_code, error_from
 from fastswing_planner.figures_conversion import column
 from fastswing_planner.mask_search import Trial, Verdict
@@ -95,12 +95,15 @@ def request_from_message(
 
 
 def request_to_message(request: SwingRequest, compare: bool) -> PlanSwing.Request:
-    """Return the message of a request; its settings are sent even where they are the defaults."""
+    """Return the message of a request; its settings are sent even where they are the defaults.
+
+    An infinite time limit is left to the planner's parameter.
+    """
     constants, payload = request.constants, request.payload
     options = SwingOptions(
         method=int(request.method),
         search=int(request.search),
-        search_time_limit=request.time_limit if np.isfinite(request.time_limit) else 0.0,
+        search_time_limit=0.0 if request.time_limit == np.inf else float(request.time_limit),
         kept_muscle=list(request.kept_muscles),
         muscle_name=list(constants.muscle_names),
         velocity_limit=_numbers(constants.velocity),
@@ -157,8 +160,8 @@ def plan_from_message(message: SwingPlanMessage) -> SwingPlan:
         method=Method(message.method),
         start=frozen(message.start_position),
         end=frozen(message.end_position),
-        kept=np.array(message.mask, dtype=bool),
-        inhibited=np.array(message.inhibited, dtype=bool),
+        kept=frozen_flags(message.mask),
+        inhibited=frozen_flags(message.inhibited),
         **{name: frozen(getattr(message, name)) for name in _VECTORS},
         holding_margin=message.holding_margin,
         epsilon=message.epsilon,
@@ -207,7 +210,7 @@ def _points(trajectory: Trajectory) -> list[SwingPoint]:
 def _trajectory(points: Sequence[SwingPoint]) -> Trajectory:
     return Trajectory(
         time=frozen([point.time_from_start for point in points]),
-        at_limit=np.array([point.at_limit for point in points], dtype=bool),
+        at_limit=frozen_flags([point.at_limit for point in points]),
         **{name: frozen(column(points, name)) for name in _POINT_VECTORS},
     )
 
@@ -224,5 +227,5 @@ def _trial(trial: Trial, muscle_names: Sequence[str]) -> MaskTrial:
 
 
 def _trial_from(message: MaskTrial, muscle_names: Sequence[str]) -> Trial:
-    kept: BoolVector = np.array([name not in message.masked_muscle for name in muscle_names])
+    kept = frozen_flags([name not in message.masked_muscle for name in muscle_names])
     return Trial(kept, _VERDICTS_BACK[message.verdict], message.holding_residual, message.time_cost)

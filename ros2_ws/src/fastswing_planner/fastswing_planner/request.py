@@ -164,7 +164,7 @@ def checked_task(model: MuscleModel, limits: MuscleLimits, request: SwingRequest
             "swing_weight", "joint", request.swing_weight, request.joint_names, joints
         ),
         search=request.search,
-        time_limit=_checked_time_limit(request.time_limit),
+        time_limit=checked_time_limit(request.time_limit),
     )
 
 
@@ -208,9 +208,14 @@ def requested_limits(
     index = unique_known("muscle", constants.muscle_names, model.muscle_names)
     index = index or list(range(len(model.muscle_names)))
     vectors = []
-    for what in ("velocity", "acceleration", "tension_min", "tension_max"):
-        vector = np.array(getattr(limits, what))
-        values = np.asarray(getattr(constants, what), dtype=float)
+    for field_name, what in (
+        ("velocity", "velocity_limit"),
+        ("acceleration", "acceleration_limit"),
+        ("tension_min", "tension_min"),
+        ("tension_max", "tension_max"),
+    ):
+        vector = np.array(getattr(limits, field_name))
+        values = np.asarray(getattr(constants, field_name), dtype=float)
         if values.size:
             _require_size(what, values, index, constants.muscle_names)
             vector[index] = values
@@ -270,7 +275,7 @@ def _checked_weight(
     if given.size:
         diagonal = given.size == count
         weight[np.ix_(index, index)] = np.diag(given) if diagonal else given.reshape(count, count)
-    size = float(np.abs(weight).max())
+    size = float(np.abs(weight).max()) or 1.0
     weight = weight / size
     if not np.allclose(weight, weight.T, rtol=0.0, atol=1e-9):
         row, column = np.unravel_index(np.argmax(np.abs(weight - weight.T)), weight.shape)
@@ -279,11 +284,11 @@ def _checked_weight(
             f"{column + 1}, but {weight[column, row] * size:g} in the mirrored place"
         )
     eigenvalues = np.linalg.eigvalsh(weight)
-    if eigenvalues[0] < _WORST_WEIGHT * eigenvalues[-1]:
+    if not eigenvalues[0] > _WORST_WEIGHT * eigenvalues[-1] >= 0.0:
         raise InvalidWeight(
             f"{what} is not positive definite: its eigenvalues reach from "
-            f"{eigenvalues[0] * size:g} to {eigenvalues[-1] * size:g}, the smallest must be at "
-            f"least {_WORST_WEIGHT:g} of the largest"
+            f"{eigenvalues[0] * size:g} to {eigenvalues[-1] * size:g}, the smallest must be above "
+            f"{_WORST_WEIGHT:g} of the largest"
         )
     return frozen(weight / eigenvalues[-1])
 
@@ -303,7 +308,8 @@ def _checked_payload(payload: Payload | None) -> Payload | None:
     return payload
 
 
-def _checked_time_limit(value: float) -> float:
+def checked_time_limit(value: float) -> float:
+    """Return a search's time limit [s]; raises NotFinite or InvalidLimit unless it is positive."""
     if np.isnan(value):
         raise NotFinite("search_time_limit is nan, expected a number of seconds")
     if not value > 0:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.muscle_model import MuscleModel
@@ -17,7 +17,7 @@ _ARM_UNIT = 0.04  # [m/rad]
 
 _ACTIVE = 1e-6  # [m/s] from a bound
 _STUCK_STEPS = 10
-_STUCK_PROGRESS = 1e-6  # [rad] over _STUCK_STEPS
+_STUCK_PROGRESS = 1e-8  # [rad] over _STUCK_STEPS
 
 
 SETTING_RANGES = {
@@ -45,11 +45,13 @@ class SwingSettings:
         """Raise NotFinite or InvalidLimit for a value that makes no sense."""
         for name, (low, high, unit) in SETTING_RANGES.items():
             value = getattr(self, name)
-            if not np.isfinite(value):
+            if value != value or abs(value) == np.inf:  # also for whole numbers of any size
                 raise NotFinite(f"{name} is {value}, expected a finite number")
             if not low <= value <= high:
-                text = f"{name} is {value:g} {unit}".rstrip()
-                raise InvalidLimit(f"{text}, must be {low:g} to {high:g}")
+                shown = f"{value:g}" if isinstance(value, float) else f"{value}"
+                raise InvalidLimit(
+                    f"{name} is {shown} {unit}".rstrip() + f", must be {low:g} to {high:g}"
+                )
 
 
 @dataclass(frozen=True)
@@ -145,15 +147,13 @@ def simulate_swing(
         rows.append((position, step / dt, model.lengths(position), velocity, at_limit))
         progress.append(_weighted_norm(end - position, weight))
     positions, velocities, lengths, muscle_velocities, limits_met = zip(*rows, strict=True)
-    at_limits = np.array(limits_met)
-    at_limits.setflags(write=False)
     return Trajectory(
         time=frozen(dt * np.arange(len(rows))),
         joint_position=frozen(positions),
         joint_velocity=frozen(velocities),
         muscle_length=frozen(lengths),
         muscle_velocity=frozen(muscle_velocities),
-        at_limit=at_limits,
+        at_limit=frozen_flags(limits_met),
     )
 
 

@@ -23,8 +23,9 @@ from fastswing_planner.joint_coupling import JointCoupling
 from fastswing_planner.limits import muscle_limits
 from fastswing_planner.mjcf_names import object_names
 from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
-from fastswing_planner.plan import Method, SwingPlan, SwingPlanner, SwingRequest
-from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request import Method, SwingRequest
 
 MYOARM_JOINTS = (
     "elv_angle_r",

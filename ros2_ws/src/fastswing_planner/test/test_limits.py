@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fastswing_planner.errors import InvalidLimit, NotFinite
+from fastswing_planner.errors import InvalidLimit, InvalidTensionRange, NotFinite
 from fastswing_planner.limits import MuscleLimits, muscle_limits
 
 MUSCLES = ("a", "b")
@@ -51,6 +51,19 @@ def test_a_muscle_may_hold_without_tension() -> None:
             "acceleration_limit of b is -inf m/s^2, must be positive",
         ),
         ({"tension_min": -1.0}, "tension_min of a is -1 N, must not be negative"),
+        ({"velocity": 1e-5}, "velocity_limit of a is 1e-05 m/s, must be 0.0001 to 1000"),
+        ({"tension_max": 1e6}, "tension_max of a is 1e+06 N, must be 0.001 to 100000"),
+    ],
+)
+def test_a_limit_without_sense_is_refused(change: dict[str, Any], text: str) -> None:
+    with pytest.raises(InvalidLimit) as caught:
+        limits_with(**change)
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
         (
             {"tension_min": [10, 300]},
             "tension_max of b is 200 N, must be above its tension_min 300 N",
@@ -58,8 +71,8 @@ def test_a_muscle_may_hold_without_tension() -> None:
         ({"tension_max": 10.0}, "tension_max of a is 10 N, must be above its tension_min 10 N"),
     ],
 )
-def test_a_limit_without_sense_is_refused(change: dict[str, Any], text: str) -> None:
-    with pytest.raises(InvalidLimit) as caught:
+def test_a_tension_range_without_room_is_refused(change: dict[str, Any], text: str) -> None:
+    with pytest.raises(InvalidTensionRange) as caught:
         limits_with(**change)
     assert str(caught.value) == text
 
