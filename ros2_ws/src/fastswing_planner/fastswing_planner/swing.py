@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.muscle_model import MuscleModel
@@ -147,13 +147,15 @@ def simulate_swing(
         rows.append((position, step / dt, model.lengths(position), velocity, at_limit))
         progress.append(_weighted_norm(end - position, weight))
     positions, velocities, lengths, muscle_velocities, limits_met = zip(*rows, strict=True)
+    at_limits = np.array(limits_met)
+    at_limits.setflags(write=False)
     return Trajectory(
         time=frozen(dt * np.arange(len(rows))),
         joint_position=frozen(positions),
         joint_velocity=frozen(velocities),
         muscle_length=frozen(lengths),
         muscle_velocity=frozen(muscle_velocities),
-        at_limit=frozen_flags(limits_met),
+        at_limit=at_limits,
     )
 
 
