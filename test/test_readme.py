@@ -90,7 +90,7 @@ def test_the_python_example_plans_method_2_and_masks_the_biceps(
     assert run.returncode == 0, run.stdout
     promised = re.search(r"It prints `([^`]+)`", README)
     assert promised
-    assert "['#9']" in run.stdout
+    assert "('#9',)" in run.stdout
     assert run.stdout.strip() == promised[1]
 
 

@@ -292,10 +292,20 @@ def test_an_emergency_stop_during_the_raise_ends_without_current(raising: Raisin
 # Lifecycle at run time.
 
 
-def change(suite: "Suite", transition: int) -> bool:
-    """Ask the bridge for a transition; return whether it took place."""
+def change(suite: "Suite", transition: int, node: str = "bridge") -> bool:
+    """Ask a node for a transition; return whether it took place."""
     request = ChangeState.Request(transition=Transition(id=transition))
-    return bool(suite.ask(ChangeState, "bridge/change_state", request).success)
+    return bool(suite.ask(ChangeState, f"{node}/change_state", request).success)
+
+
+def test_a_swing_whose_executor_is_deactivated_still_gets_its_result(raising: Raising) -> None:
+    change(raising.suite, Transition.TRANSITION_DEACTIVATE, "swing_executor")
+    result = raising.suite.swing_result(raising.handle).result
+    change(raising.suite, Transition.TRANSITION_ACTIVATE, "swing_executor")
+    assert (result.error_code, result.error_string) == (
+        ErrorCode.CANCELED,
+        "the node was deactivated",
+    )
 
 
 @pytest.fixture

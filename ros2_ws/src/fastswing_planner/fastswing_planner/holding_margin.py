@@ -10,6 +10,7 @@ from fastswing_planner.qp import QpSolver, QuadraticProgram
 
 _MOST_FACES = 5000
 _FULL_RANK = 1e-6  # of the largest singular value
+_SMALLEST_SHARE = 1e-6  # of the largest
 
 
 def holding_margin(
@@ -93,4 +94,6 @@ def _distance_bound(
     )
     held = answer[:-1] * unit
     spare = np.minimum(held - tension_min, tension_max - held)
-    return max(float(np.min(spare / share)), 0.0)
+    # A muscle without moment arm takes no share, so that its bounds do not count.
+    sharing = share > _SMALLEST_SHARE * scale
+    return max(float(np.min(spare[sharing] / share[sharing])), 0.0)

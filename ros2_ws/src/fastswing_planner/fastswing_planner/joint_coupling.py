@@ -5,21 +5,27 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.polynomial import polynomial
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import RobotDescriptionError
 
-_LEFT_OVER = 1e-6
+_LEFT_OVER = 1e-6  # [m/rad, rad/rad]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Follower:
     """One joint that a polynomial ties to another, or to a constant (leader -1)."""
 
     joint: int
     leader: int
-    coefficients: Vector
+    coefficients: tuple[float, ...]
+
+    def value_and_slope(self, position: float) -> tuple[float, float]:
+        value = slope = 0.0
+        for coefficient in reversed(self.coefficients):
+            slope = slope * position + value
+            value = value * position + coefficient
+        return value, slope
 
 
 class JointCoupling:
@@ -34,22 +40,19 @@ class JointCoupling:
         joints     indices of the chosen joints
         reference  qpos of the joints that are left out, shape (nq,)
 
-        Raises RobotDescriptionError for a chosen joint that cannot be set freely, or if another
-        active equality constraint restrains the chosen joints.
+        Raises RobotDescriptionError for a chosen joint that follows another or is locked, and for
+        joints that follow each other.
         """
         self._model = model
         self._reference = np.array(reference)
         self._qpos_index = model.jnt_qposadr[joints]
-        self._dof_index = model.jnt_dofadr[joints]
         followers = _active_followers(model)
-        for name, joint in zip(_names(model, joints), joints, strict=True):
-            for follower in followers:
-                if follower.joint == joint:
-                    raise RobotDescriptionError(_follower_text(model, name, follower))
+        for follower in followers:
+            if follower.joint in joints:
+                raise RobotDescriptionError(_not_free(model, follower, joints))
         self._followers = _leaders_first(model, followers)
-        self._fixed = np.zeros((model.nv, len(joints)))
-        self._fixed[self._dof_index, np.arange(len(joints))] = 1.0
-        self.set_positions(mujoco.MjData(model), np.array(model.qpos0[self._qpos_index]))
+        self._chosen_rates = np.zeros((model.nv, len(joints)))
+        self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
 
     def set_positions(self, data: mujoco.MjData, joint_position: Vector) -> Matrix:
         """Write qpos of all joints, and return d qvel / d joint velocity, shape (nv, n).
@@ -59,20 +62,18 @@ class JointCoupling:
         model, qpos = self._model, data.qpos
         qpos[:] = self._reference
         qpos[self._qpos_index] = joint_position
-        if not self._followers:
-            return self._fixed
-        rates = self._fixed.copy()
+        rates = self._chosen_rates.copy()
         # q - q0 = poly(q_leader - q0_leader)  (MuJoCo's XML reference, equality/joint)
         for follower in self._followers:
             address, dof = model.jnt_qposadr[follower.joint], model.jnt_dofadr[follower.joint]
-            offset, slope = follower.coefficients[0], 0.0
+            away = 0.0
             if follower.leader >= 0:
                 leader = model.jnt_qposadr[follower.leader]
                 away = float(qpos[leader] - model.qpos0[leader])
-                offset = polynomial.polyval(away, follower.coefficients)
-                slope = polynomial.polyval(away, polynomial.polyder(follower.coefficients))
+            value, slope = follower.value_and_slope(away)
+            qpos[address] = model.qpos0[address] + value
+            if follower.leader >= 0:
                 rates[dof] = slope * rates[model.jnt_dofadr[follower.leader]]
-            qpos[address] = model.qpos0[address] + offset
         return rates
 
 
@@ -85,17 +86,32 @@ def refuse_restrained_joints(
     """
     data = mujoco.MjData(model)
     rates = coupling.set_positions(data, joint_position)
-    kept, model.opt.jacobian = model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE
-    mujoco.mj_fwdPosition(model, data)
-    model.opt.jacobian = kept
-    rows = data.efc_J.reshape(-1, model.nv) @ rates
-    for row, kind, equality in zip(rows, data.efc_type, data.efc_id, strict=True):
-        if kind == mujoco.mjtConstraint.mjCNSTR_EQUALITY and np.abs(row).max() > _LEFT_OVER:
-            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_EQUALITY, equality)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_flex(model, data)
+    mujoco.mj_tendon(model, data)
+    mujoco.mj_makeConstraint(model, data)
+    resistance = np.abs(_constraint_jacobian(model, data) @ rates).max(axis=1, initial=0.0)
+    for row in np.flatnonzero(resistance > _LEFT_OVER):
+        if data.efc_type[row] == mujoco.mjtConstraint.mjCNSTR_EQUALITY:
+            index = data.efc_id[row]
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_EQUALITY, index)
+            called = f"'{name}'" if name else f"number {index}"
             raise RobotDescriptionError(
-                f"the equality constraint '{name or equality}' restrains the chosen joints: "
-                "choose joints that move freely, or make the constraint inactive in the MJCF"
+                f"the equality constraint {called} restrains the chosen joints: choose joints "
+                "that move freely, or make the constraint inactive in the MJCF"
             )
+
+
+def _constraint_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Matrix:
+    if not mujoco.mj_isSparse(model):
+        return np.array(data.efc_J).reshape(data.nefc, model.nv)
+    dense = np.zeros((data.nefc, model.nv))
+    if data.nefc:
+        mujoco.mju_sparse2dense(
+            dense, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind
+        )
+    return dense
 
 
 def _active_followers(model: mujoco.MjModel) -> list[_Follower]:
@@ -105,7 +121,7 @@ def _active_followers(model: mujoco.MjModel) -> list[_Follower]:
         _Follower(
             int(model.eq_obj1id[index]),
             int(model.eq_obj2id[index]),
-            np.array(model.eq_data[index, :5]),
+            tuple(model.eq_data[index, :5].tolist()),
         )
         for index in range(model.neq)
         if model.eq_active0[index] and int(model.eq_type[index]) == int(mujoco.mjtEq.mjEQ_JOINT)
@@ -120,22 +136,36 @@ def _leaders_first(model: mujoco.MjModel, followers: list[_Follower]) -> list[_F
         unplaced = {follower.joint for follower in waiting}
         ready = [follower for follower in waiting if follower.leader not in unplaced]
         if not ready:
-            names = ", ".join(_names(model, sorted(unplaced)))
-            raise RobotDescriptionError(f"the joints {names} follow each other in a circle")
+            raise RobotDescriptionError(
+                f"the joints {_circle(model, waiting)} follow each other in a circle: make one of "
+                "their equality constraints inactive in the MJCF"
+            )
         ordered += ready
         waiting = [follower for follower in waiting if follower not in ready]
     return ordered
 
 
-def _follower_text(model: mujoco.MjModel, name: str, follower: _Follower) -> str:
+def _circle(model: mujoco.MjModel, waiting: list[_Follower]) -> str:
+    """Return the names of one circle's joints; each of `waiting` leads to one."""
+    leaders = {follower.joint: follower.leader for follower in waiting}
+    joint = waiting[0].joint
+    for _ in waiting:
+        joint = leaders[joint]
+    members = [joint]
+    while (joint := leaders[joint]) != members[0]:
+        members.append(joint)
+    return ", ".join(_name(model, member) for member in sorted(members))
+
+
+def _not_free(model: mujoco.MjModel, follower: _Follower, chosen: Sequence[int]) -> str:
+    name = _name(model, follower.joint)
     if follower.leader < 0:
         return f"joint '{name}' is locked by an equality constraint: leave it out"
-    leader = _names(model, [follower.leader])[0]
+    leader = _name(model, follower.leader)
+    if follower.leader in chosen:
+        return f"joint '{name}' follows joint '{leader}', which is chosen too: leave '{name}' out"
     return f"joint '{name}' follows joint '{leader}': choose '{leader}' instead"
 
 
-def _names(model: mujoco.MjModel, joints: Sequence[int]) -> list[str]:
-    return [
-        mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, int(joint)) or str(joint)
-        for joint in joints
-    ]
+def _name(model: mujoco.MjModel, joint: int) -> str:
+    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"number {joint}"

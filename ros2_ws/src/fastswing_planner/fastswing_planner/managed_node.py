@@ -33,6 +33,7 @@ ROBOT_DESCRIPTION = Parameter(
 )
 
 _SPIN_SLICE_SEC = 0.1
+_LAST_WORDS_SEC = 0.2
 _DIAGNOSTICS_PERIOD_SEC = 1.0
 
 
@@ -234,12 +235,15 @@ class ManagedNode(LifecycleNode):
 
 
 def spin(node: ManagedNode, stop: Future) -> None:
-    """Spin until `stop` is done; signals are noticed at least every _SPIN_SLICE_SEC."""
+    """Spin until `stop` is done, then stop working; signals are noticed every _SPIN_SLICE_SEC."""
     executor = EventsExecutor()
     executor.add_node(node)
     # EventsExecutor.spin() without a timeout livelocks in rclpy 7.1.
     while not stop.done():
         executor.spin_until_future_complete(stop, timeout_sec=_SPIN_SLICE_SEC)
+    node.stop_working()
+    # What the stop set going, such as an action's result, still has to leave.
+    executor.spin_until_future_complete(Future(), timeout_sec=_LAST_WORDS_SEC)
 
 
 def run(node_class: Callable[[], ManagedNode]) -> int:

@@ -7,13 +7,18 @@ import mujoco
 import numpy as np
 
 from fastswing_planner.arrays import Matrix, Vector, frozen, unique_known
-from fastswing_planner.errors import InvalidRequest, RobotDescriptionError
+from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
+from fastswing_planner.mjcf_names import (
+    joint_indices,
+    object_names,
+    reference_position,
+    tendon_indices,
+)
 from fastswing_planner.muscle_model import Payload
 
-_SINGLE_AXIS = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _SHORTEST = 1e-6  # [m]
-_SMALLEST_ARM = 1e-9  # [m/rad]
+_SMALLEST_ARM = 1e-9  # [m/rad]; less is round-off
 
 
 def load_mjcf(path: Path) -> mujoco.MjModel:
@@ -24,17 +29,14 @@ def load_mjcf(path: Path) -> mujoco.MjModel:
         raise RobotDescriptionError(f"{path}: not a usable MJCF: {error}") from error
 
 
-def object_names(model: mujoco.MjModel, kind: mujoco.mjtObj, count: int) -> list[str]:
-    """Return the names of all `count` objects of one kind, in the model's order."""
-    return [mujoco.mj_id2name(model, kind, index) or "" for index in range(count)]
-
-
 class MujocoMuscleModel:
     """Kinematics and statics of chosen joints and tendons of a MuJoCo model.
 
     Implements MuscleModel. Joints that an equality constraint ties to a chosen joint follow it;
-    all others stay where `keyframe` has them, or at zero. Actuators, contacts and other tendons
-    of the model are ignored; joint springs and gravity compensation count in `gravity_torque`.
+    all others stay where `keyframe` has them, or at zero. Actuators, contacts and other tendons'
+    pull are ignored; springs and gravity compensation count in `gravity_torque`.
+
+    body_names  names of the bodies that can carry a payload
     """
 
     def __init__(
@@ -55,18 +57,14 @@ class MujocoMuscleModel:
         self._data = mujoco.MjData(model)
         self.joint_names = tuple(joint_names)
         self.muscle_names = tuple(muscle_names)
-        if not model.ntendon:
-            raise RobotDescriptionError("the MJCF has no tendons: give each muscle a <tendon>")
-        self._bodies = object_names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
-        joints = _indices(model, "joint", self.joint_names)
-        self._tendons = _indices(model, "muscle", self.muscle_names)
-        for name, joint in zip(self.joint_names, joints, strict=True):
-            if int(model.jnt_type[joint]) not in _SINGLE_AXIS:
-                raise RobotDescriptionError(f"joint '{name}' is not a hinge or slide joint")
+        bodies = object_names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
+        self.body_names = tuple(name for name in bodies if name)
+        self._tendons = tendon_indices(model, self.muscle_names)
+        joints = joint_indices(model, self.joint_names)
         limited = model.jnt_limited[joints].astype(bool)
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
-        reference = _reference_position(model, keyframe)
+        reference = reference_position(model, keyframe)
         self._coupling = JointCoupling(model, joints, reference)
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
         for posture in postures:
@@ -87,10 +85,11 @@ class MujocoMuscleModel:
         return frozen(self._data.ten_length[self._tendons])
 
     def jacobian(self, joint_position: Vector) -> Matrix:
-        """Return G(theta) [m/rad], shape (m, n)."""
+        """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
         mujoco.mj_tendon(self._model, self._data)
-        return frozen(tendon_jacobian(self._model, self._data)[self._tendons] @ rates)
+        arms = tendon_jacobian(self._model, self._data)[self._tendons] @ rates
+        return frozen(np.where(np.abs(arms) < _SMALLEST_ARM, 0.0, arms))
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""
@@ -106,7 +105,8 @@ class MujocoMuscleModel:
 
     def _payload_torque(self, payload: Payload) -> Vector:
         # tau = -J^T m g: what the joints must add to carry the weight.
-        body = unique_known("body", [payload.body], self._bodies)[0]
+        unique_known("body", [payload.body], self.body_names)
+        body = mujoco.mj_name2id(self._model, mujoco.mjtObj.mjOBJ_BODY, payload.body)
         point = self._data.xpos[body] + self._data.xmat[body].reshape(3, 3) @ np.array(
             payload.position
         )
@@ -116,8 +116,9 @@ class MujocoMuscleModel:
         return np.asarray(-(jacobian.T @ weight))
 
     def _probe_postures(self, reference: Vector) -> list[Vector]:
-        low = np.where(np.isfinite(self.joint_lower), self.joint_lower, reference)
-        high = np.where(np.isfinite(self.joint_upper), self.joint_upper, reference)
+        # One posture may be special: a muscle along a stretched arm has no moment arm just there.
+        low = np.where(np.isfinite(self.joint_lower), self.joint_lower, reference - 1.0)
+        high = np.where(np.isfinite(self.joint_upper), self.joint_upper, reference + 1.0)
         return [np.clip(reference, low, high), *(low + part * (high - low) for part in (0.3, 0.7))]
 
     def _refuse_useless_muscles_and_joints(self, postures: Sequence[Vector]) -> None:
@@ -132,40 +133,11 @@ class MujocoMuscleModel:
                 )
         arms = np.abs([self.jacobian(posture) for posture in postures]).max(axis=(0, 1))
         for name, arm in zip(self.joint_names, arms, strict=True):
-            if arm < _SMALLEST_ARM:
+            if arm == 0.0:
                 raise RobotDescriptionError(
-                    f"the muscle Jacobian is singular: none of the {len(self.muscle_names)} "
-                    f"muscles moves joint '{name}'; leave the joint out or add its muscles"
+                    f"the muscle Jacobian is singular: no chosen muscle moves joint '{name}'; "
+                    "leave the joint out or add its muscles"
                 )
-
-
-def _indices(model: mujoco.MjModel, what: str, names: Sequence[str]) -> Vector:
-    kind, count = (
-        (mujoco.mjtObj.mjOBJ_JOINT, model.njnt)
-        if what == "joint"
-        else (mujoco.mjtObj.mjOBJ_TENDON, model.ntendon)
-    )
-    if not names:
-        raise RobotDescriptionError(f"no {what} is chosen")
-    try:
-        return np.array(unique_known(what, names, object_names(model, kind, count)), dtype=int)
-    except InvalidRequest as error:
-        raise RobotDescriptionError(f"the MJCF does not fit: {error}") from error
-
-
-def _reference_position(model: mujoco.MjModel, keyframe: str) -> Vector:
-    """Return qpos [rad, m] of a keyframe, or with every single-axis joint at zero, shape (nq,)."""
-    if keyframe:
-        names = object_names(model, mujoco.mjtObj.mjOBJ_KEY, model.nkey)
-        if keyframe not in names:
-            raise RobotDescriptionError(
-                f"unknown keyframe '{keyframe}', choose from: {', '.join(names) or 'none'}"
-            )
-        return np.array(model.key_qpos[names.index(keyframe)])
-    reference = np.array(model.qpos0)
-    single_axis = np.isin(model.jnt_type, _SINGLE_AXIS)
-    reference[model.jnt_qposadr[single_axis]] = 0.0
-    return reference
 
 
 def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Matrix:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from fastswing_planner.arrays import Vector, finite_vector
+from fastswing_planner.arrays import Vector, finite_vector, unique_known
 from fastswing_planner.errors import InvalidRequest, RobotDescriptionError
 from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
@@ -27,7 +27,7 @@ _REQUIRED = (
     "payload_body",
     "postures",
 )
-_OPTIONAL = ("plant",)
+_OPTIONAL = ("keyframe", "plant")
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,9 @@ class Robot:
 def load_robot(path: Path) -> Robot:
     """Read a robot's YAML file and the MJCF beside it.
 
+    Two keys are optional: `keyframe`, the MJCF's keyframe that holds the joints left out (without
+    it they are at zero), and `plant`.
+
     Raises RobotDescriptionError naming file, key, value and remedy.
     """
     try:
@@ -90,7 +93,7 @@ def _build(path: Path, content: dict[str, Any]) -> Robot:
     mjcf = path.parent / str(content["mjcf"])
     joints = _names(content, "joints")
     muscles = _names(content, "muscles")
-    model = MujocoMuscleModel(load_mjcf(mjcf), joints, muscles)
+    model = MujocoMuscleModel(load_mjcf(mjcf), joints, muscles, _text(content, "keyframe"))
 
     if not isinstance(content["postures"], dict):
         raise RobotDescriptionError("key 'postures' must map names to lists of angles [rad]")
@@ -108,7 +111,7 @@ def _build(path: Path, content: dict[str, Any]) -> Robot:
         tension_limit=_positive(content, "tension_limit", muscles),
         current_limit=_positive(content, "current_limit", muscles),
         wire_stiffness=_positive(content, "wire_stiffness", muscles),
-        payload_body=str(content["payload_body"]),
+        payload_body=_body(_text(content, "payload_body"), model),
         postures={
             str(name): _posture(str(name), angles, joints)
             for name, angles in content["postures"].items()
@@ -122,6 +125,21 @@ def _names(content: dict[str, Any], key: str) -> tuple[str, ...]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise RobotDescriptionError(f"key '{key}' is {names!r}, expected a list of names")
     return tuple(names)
+
+
+def _text(content: dict[str, Any], key: str) -> str:
+    text = content.get(key, "")
+    if not isinstance(text, str):
+        raise RobotDescriptionError(f"key '{key}' is {text!r}, expected a name")
+    return text
+
+
+def _body(name: str, model: MujocoMuscleModel) -> str:
+    try:
+        unique_known("body", [name], model.body_names)
+    except InvalidRequest as error:
+        raise RobotDescriptionError(f"key 'payload_body': {error}") from error
+    return name
 
 
 def _posture(name: str, angles: Any, joints: tuple[str, ...]) -> Vector:

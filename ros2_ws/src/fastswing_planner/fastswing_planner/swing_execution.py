@@ -167,6 +167,11 @@ class SwingExecution:
         return None if self._measurement is None else self._measurement.figures()
 
     @property
+    def joint_position(self) -> Vector:
+        """The last measured posture [rad], shape (n,)."""
+        return self._joints.position
+
+    @property
     def distance_to_end(self) -> float:
         """Norm of the distance to the end posture [rad]."""
         return float(np.linalg.norm(self._swing.end - self._joints.position))

@@ -21,14 +21,17 @@ DESCRIPTION = "musashi_muscle_bridge/description/musashi_left_arm.yaml"
 
 
 class LinearArm:
-    """An arm whose muscle lengths are l = G theta and which weighs nothing but its payload.
+    """An arm whose muscle lengths are l = G theta and whose weight is the same in every posture.
 
     Joints are j0, j1, ..., muscles m0, m1, ...; a payload pulls each joint with mass * 1 N m/kg.
     """
 
-    def __init__(self, muscle_jacobian: ArrayLike, joint_range: float = np.inf) -> None:
+    def __init__(
+        self, muscle_jacobian: ArrayLike, joint_range: float = np.inf, torque: ArrayLike = 0.0
+    ) -> None:
         self._jacobian = frozen(muscle_jacobian)
         muscle_count, joint_count = self._jacobian.shape
+        self._torque = frozen(np.broadcast_to(torque, joint_count))
         self.joint_names = tuple(f"j{index}" for index in range(joint_count))
         self.muscle_names = tuple(f"m{index}" for index in range(muscle_count))
         self.joint_lower = frozen(np.full(joint_count, -joint_range))
@@ -43,12 +46,12 @@ class LinearArm:
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         if payload is not None and payload.body != "hand":
             raise UnknownName(f"unknown body '{payload.body}', choose from: hand")
-        return frozen(np.full(len(self.joint_names), 0.0 if payload is None else payload.mass))
+        return frozen(self._torque + (0.0 if payload is None else payload.mass))
 
 
 @pytest.fixture(scope="session")
 def linear_arm() -> Callable[..., MuscleModel]:
-    """Build a LinearArm from its G [m/rad] and, if limited, its joints' range [rad]."""
+    """Build a LinearArm from its G [m/rad], its joints' range [rad] and its weight [N m]."""
     return LinearArm
 
 

@@ -1,6 +1,7 @@
 """A MuJoCo model's statics agree with its geometry, whatever joints and tendons are chosen."""
 
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -47,6 +48,38 @@ MJCF = """
     <spatial name="idle"><site site="deck"/><site site="ear"/></spatial>
     <spatial name="bent"><site site="deck"/><site site="side"/><site site="end"/></spatial>
   </tendon>
+</mujoco>
+"""
+# Two stretched links, with a body and a tendon that have no names and an actuator that drives both.
+TWO_LINK = """
+<mujoco>
+  <compiler angle="radian"/>
+  <worldbody>
+    <site name="origin" pos="0 0 0"/>
+    <site name="top" pos="0.01 0 0.1"/>
+    <body name="upper_arm">
+      <joint name="shoulder" axis="0 -1 0"/>
+      <geom size="0.02" pos="0 0 -0.2" mass="1"/>
+      <site name="start" pos="0 0 0"/>
+      <site name="middle" pos="0.05 0 -0.1"/>
+      <body pos="0 0 -0.3">
+        <joint name="elbow" axis="0 -1 0"/>
+        <geom size="0.02" pos="0 0 -0.2" mass="1"/>
+        <site name="ulna" pos="0 0 -0.1"/>
+        <site name="wrist_start" pos="0.013 0.021 -0.2"/>
+        <site name="wrist_end" pos="-0.017 0.019 -0.37"/>
+      </body>
+    </body>
+  </worldbody>
+  <tendon>
+    <spatial name="flexor"><site site="top"/><site site="middle"/></spatial>
+    <spatial><site site="top"/><site site="ulna"/></spatial>
+    <spatial name="long"><site site="start"/><site site="ulna"/></spatial>
+    <spatial name="wrist"><site site="wrist_start"/><site site="wrist_end"/></spatial>
+    <fixed name="coupled"><joint joint="shoulder" coef="0.03"/></fixed>
+  </tendon>
+  <actuator><motor joint="elbow"/><motor tendon="long"/></actuator>
+  <keyframe><key name="bent" qpos="0.1 1.2"/></keyframe>
 </mujoco>
 """
 JOINTS, MUSCLES = ("twist", "rail", "hinge"), ("bent", "long")
@@ -216,6 +249,105 @@ def test_a_choice_that_does_not_fit_is_named(
     with pytest.raises(RobotDescriptionError) as caught:
         cart_model(joints, muscles)
     assert str(caught.value) == text
+
+
+def two_link(**changes: Any) -> MujocoMuscleModel:
+    """Return the arm below, its MJCF changed by the texts that replace others."""
+    text = TWO_LINK
+    for old, new in changes.get("replaced", {}).items():
+        text = text.replace(old, new)
+    return MujocoMuscleModel(
+        mujoco.MjModel.from_xml_string(text),
+        changes.get("joints", ("shoulder",)),
+        changes.get("muscles", ("flexor",)),
+        changes.get("keyframe", ""),
+    )
+
+
+def two_link_refusal(**changes: Any) -> str:
+    with pytest.raises(RobotDescriptionError) as caught:
+        two_link(**changes)
+    return str(caught.value)
+
+
+def test_joints_left_out_are_at_zero() -> None:
+    length = two_link(muscles=("flexor", "long")).lengths(np.array([0.3]))
+    both = two_link(joints=("shoulder", "elbow"), muscles=("flexor", "long"))
+    assert length.tolist() == both.lengths(np.array([0.3, 0.0])).tolist()
+
+
+def test_joints_left_out_are_where_the_keyframe_has_them() -> None:
+    length = two_link(muscles=("flexor", "long"), keyframe="bent").lengths(np.array([0.3]))
+    both = two_link(joints=("shoulder", "elbow"), muscles=("flexor", "long"))
+    assert length.tolist() == both.lengths(np.array([0.3, 1.2])).tolist()
+
+
+def test_an_unknown_keyframe_lists_the_choices() -> None:
+    text = "unknown keyframe 'relaxed', choose from: bent"
+    assert two_link_refusal(keyframe="relaxed") == text
+
+
+def test_a_keyframe_of_a_model_that_has_none_is_refused() -> None:
+    text = "unknown keyframe 'bent', choose from: none: the MJCF names no keyframe"
+    assert two_link_refusal(keyframe="bent", replaced={' name="bent"': ""}) == text
+
+
+def test_a_model_without_tendons_is_refused() -> None:
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with pytest.raises(RobotDescriptionError) as caught:
+        MujocoMuscleModel(model, ("shoulder",), ("flexor",))
+    assert str(caught.value) == "the MJCF has no tendons: give each muscle a <tendon>"
+
+
+def test_no_joint_is_no_arm() -> None:
+    assert two_link_refusal(joints=()) == "no joint is chosen: name at least one"
+
+
+def test_no_muscle_is_no_arm() -> None:
+    assert two_link_refusal(muscles=()) == "no muscle is chosen: name at least one"
+
+
+def test_what_has_no_name_is_no_choice() -> None:
+    text = "the MJCF does not fit: unknown muscle '', choose from: flexor, long, wrist, coupled"
+    assert two_link_refusal(muscles=("",)) == text
+
+
+def test_a_body_without_a_name_carries_no_payload() -> None:
+    assert two_link().body_names == ("world", "upper_arm")
+
+
+def test_a_muscle_without_length_is_refused() -> None:
+    assert two_link_refusal(
+        replaced={'"top"/><site site="middle"': '"origin"/><site site="start"'}
+    ) == ("muscle 'flexor' has a length of 0 m: its sites coincide")
+
+
+def test_a_fixed_tendon_may_have_no_length() -> None:
+    assert two_link(muscles=("coupled",)).lengths(np.zeros(1)).tolist() == [0.0]
+
+
+def test_a_joint_that_no_muscle_moves_is_refused() -> None:
+    assert two_link_refusal(joints=("shoulder", "elbow")) == (
+        "the muscle Jacobian is singular: no chosen muscle moves joint 'elbow'; leave the joint "
+        "out or add its muscles"
+    )
+
+
+def test_a_muscle_without_moment_arm_at_zero_only_is_a_muscle() -> None:
+    model = two_link(joints=("elbow",), muscles=("long",))
+    assert model.jacobian(np.zeros(1)).tolist() == [[0.0]]
+
+
+def test_a_muscle_beyond_the_chosen_joints_does_not_move_at_all() -> None:
+    model = two_link(muscles=("flexor", "wrist"))
+    for angle in np.linspace(-1.0, 1.0, 9):
+        assert model.jacobian(np.array([angle]))[1].tolist() == [0.0]
+
+
+def test_springs_count_in_what_holds_the_arm() -> None:
+    plain = two_link().gravity_torque(np.array([0.5]))
+    sprung = two_link(replaced={'name="shoulder"': 'name="shoulder" stiffness="3"'})
+    assert sprung.gravity_torque(np.array([0.5])) == pytest.approx(plain + 3 * 0.5)
 
 
 def test_a_file_that_is_no_mjcf_is_named(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
-"""The solver's answers are the minimisers, and what it cannot solve can be kept."""
+"""Each solver's answers are the minimisers, and what it cannot solve can be kept."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,18 +9,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear, minimize
 
+from fastswing_planner import qp_solvers
 from fastswing_planner.arrays import Vector
+from fastswing_planner.errors import InvalidLimit
 from fastswing_planner.qp import QpUnsolved, QuadraticProgram
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp_solvers import SOLVERS, DaqpSolver, ProxSuiteSolver, solver_from
 
 TINY_BOUND = Path(__file__).parent / "data" / "tiny_bound_swing_step.npz"
 SEED = st.integers(0, 2**32 - 1)
+SOLVER = st.sampled_from(list(SOLVERS))
+each_solver = pytest.mark.parametrize("name", SOLVERS)
 
 
-class Hasty(ProxSuiteSolver):
-    """Gives up after one iteration."""
-
-    max_iterations = 1
+def hasty(name: str) -> ProxSuiteSolver | DaqpSolver:
+    """Return a solver that gives up after one iteration."""
+    solver = solver_from(name)
+    assert isinstance(solver, ProxSuiteSolver | DaqpSolver)
+    solver.max_iterations = 1
+    return solver
 
 
 def random_program(seed: int) -> QuadraticProgram:
@@ -55,8 +62,8 @@ def box_program(limit: float) -> QuadraticProgram:
     )
 
 
-@given(SEED)
-def test_the_answer_is_the_minimiser_that_slsqp_finds(seed: int) -> None:
+@given(SEED, SOLVER)
+def test_the_answer_is_the_minimiser_that_slsqp_finds(seed: int, name: str) -> None:
     problem = random_program(seed)
     oracle = minimize(
         lambda x: cost(problem, x),
@@ -70,38 +77,40 @@ def test_the_answer_is_the_minimiser_that_slsqp_finds(seed: int) -> None:
         ],
         options={"ftol": 1e-12, "maxiter": 500},
     )
-    assert ProxSuiteSolver().solve(problem) == pytest.approx(oracle.x, abs=1e-5)
+    assert solver_from(name).solve(problem) == pytest.approx(oracle.x, abs=1e-5)
 
 
-@given(SEED)
-def test_the_answer_keeps_every_constraint(seed: int) -> None:
+@given(SEED, SOLVER)
+def test_the_answer_keeps_every_constraint(seed: int, name: str) -> None:
     problem = random_program(seed)
-    x = ProxSuiteSolver().solve(problem)
+    x = solver_from(name).solve(problem)
     assert pytest.approx(problem.b, abs=1e-7) == problem.A @ x
     assert np.all(problem.C @ x >= problem.lower - 1e-7)
     assert np.all(problem.C @ x <= problem.upper + 1e-7)
 
 
-@given(st.lists(SEED, min_size=2, max_size=4))
-def test_an_answer_does_not_depend_on_the_problems_before(seeds: list[int]) -> None:
-    used = ProxSuiteSolver()
+@given(st.lists(SEED, min_size=2, max_size=4), SOLVER)
+def test_an_answer_does_not_depend_on_the_problems_before(seeds: list[int], name: str) -> None:
+    used = solver_from(name)
     answers = [used.solve(random_program(seed)) for seed in seeds]
-    fresh = ProxSuiteSolver().solve(random_program(seeds[-1]))
+    fresh = solver_from(name).solve(random_program(seeds[-1]))
     assert answers[-1] == pytest.approx(fresh, abs=1e-8)
 
 
-def test_a_program_without_constraints_is_solved() -> None:
+@each_solver
+def test_a_program_without_constraints_is_solved(name: str) -> None:
     empty = np.zeros((0, 2))
     problem = QuadraticProgram(
         2.0 * np.eye(2), np.array([-2.0, 4.0]), empty, np.zeros(0), empty, np.zeros(0), np.zeros(0)
     )
-    assert ProxSuiteSolver().solve(problem) == pytest.approx([1.0, -2.0], abs=1e-7)
+    assert solver_from(name).solve(problem) == pytest.approx([1.0, -2.0], abs=1e-7)
 
 
-def test_a_swing_step_with_a_tiny_bound_is_solved() -> None:
+@each_solver
+def test_a_swing_step_with_a_tiny_bound_is_solved(name: str) -> None:
     # ProxQP denied that this step is feasible: a bound of -8e-15 beside zeros.
     problem = QuadraticProgram.load(TINY_BOUND)
-    x = ProxSuiteSolver().solve(problem)
+    x = solver_from(name).solve(problem)
     # P is 2 times the identity, so the cost is |x + c / 2|^2; the slack variables s of
     # lower <= s = C x <= upper turn it into a bounded least squares.
     slack = 1e4
@@ -127,29 +136,69 @@ def test_a_saved_problem_is_read_back(tmp_path: Path) -> None:
     }
 
 
-def test_the_iteration_limit_leaves_the_problem_undecided() -> None:
+@each_solver
+def test_the_iteration_limit_leaves_the_problem_undecided(name: str) -> None:
     with pytest.raises(QpUnsolved) as caught:
-        Hasty().solve(box_program(1.0))
+        hasty(name).solve(box_program(1.0))
     assert caught.value.undecided
 
 
-def test_the_iteration_limit_is_said() -> None:
+@pytest.mark.parametrize(
+    ("name", "status"),
+    [("proxsuite", "PROXQP_MAX_ITER_REACHED"), ("daqp", "iteration limit")],
+)
+def test_the_iteration_limit_is_said(name: str, status: str) -> None:
     with pytest.raises(QpUnsolved) as caught:
-        Hasty().solve(box_program(1.0))
-    text = "the QP of 2 variables was not solved: PROXQP_MAX_ITER_REACHED"
-    assert str(caught.value) == text
+        hasty(name).solve(box_program(1.0))
+    assert str(caught.value) == f"the QP of 2 variables was not solved: {status}"
 
 
-def test_an_unsolved_problem_is_carried_along() -> None:
+@each_solver
+def test_an_unsolved_problem_is_carried_along(name: str) -> None:
     problem = box_program(1.0)
     with pytest.raises(QpUnsolved) as caught:
-        Hasty().solve(problem)
+        hasty(name).solve(problem)
     assert caught.value.problem is problem
 
 
-def test_an_unsolved_problem_does_not_spoil_the_next() -> None:
-    solver = Hasty()
+@each_solver
+def test_an_unsolved_problem_does_not_spoil_the_next(name: str) -> None:
+    solver = hasty(name)
     with pytest.raises(QpUnsolved):
         solver.solve(box_program(1.0))
-    solver.max_iterations = ProxSuiteSolver.max_iterations
+    solver.max_iterations = 10_000
     assert solver.solve(box_program(2.0)) == pytest.approx([2.0, -2.0], abs=1e-7)
+
+
+def test_daqp_says_that_a_problem_is_infeasible() -> None:
+    outside = replace(box_program(1.0), A=np.array([[1.0, 1.0]]), b=np.array([2.5]))
+    with pytest.raises(QpUnsolved) as caught:
+        DaqpSolver().solve(outside)
+    assert str(caught.value) == "the QP of 2 variables was not solved: infeasible"
+    assert not caught.value.undecided
+
+
+def test_an_exit_flag_that_daqp_does_not_document_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qp_solvers.daqp, "solve", lambda *_, **__: ([0.0, 0.0], 0.0, -99, {}))
+    with pytest.raises(QpUnsolved) as caught:
+        DaqpSolver().solve(box_program(1.0))
+    assert str(caught.value) == "the QP of 2 variables was not solved: exit flag -99"
+    assert not caught.value.undecided
+
+
+def test_an_answer_that_is_not_finite_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qp_solvers.daqp, "solve", lambda *_, **__: ([0.0, np.nan], 0.0, 1, {}))
+    with pytest.raises(QpUnsolved) as caught:
+        DaqpSolver().solve(box_program(1.0))
+    assert str(caught.value) == "the QP of 2 variables was not solved: the answer is not finite"
+    assert not caught.value.undecided
+
+
+def test_the_first_solver_is_the_default() -> None:
+    assert list(SOLVERS) == ["proxsuite", "daqp"]
+
+
+def test_an_unknown_solver_lists_the_choices() -> None:
+    with pytest.raises(InvalidLimit) as caught:
+        solver_from("osqp")
+    assert str(caught.value) == "unknown solver 'osqp', choose from: proxsuite, daqp"

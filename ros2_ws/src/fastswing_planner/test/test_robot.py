@@ -20,12 +20,17 @@ MJCF = """
       <joint name="hinge" axis="0 1 0" limited="true" range="-1 2"/>
       <geom size="0.03" pos="0 0 -0.3" mass="0.8"/>
       <site name="end" pos="0 0 -0.2"/>
+      <body name="tool" pos="0 0 -0.6">
+        <joint name="wrist" axis="0 1 0"/>
+        <geom size="0.03" pos="0.1 0 0" mass="0.5"/>
+      </body>
     </body>
   </worldbody>
   <tendon>
     <spatial name="left"><site site="roof"/><site site="end"/></spatial>
     <spatial name="right"><site site="wall"/><site site="end"/></spatial>
   </tendon>
+  <keyframe><key name="folded" qpos="0 1.5"/></keyframe>
 </mujoco>
 """
 CONTENT = {
@@ -42,7 +47,7 @@ CONTENT = {
     "payload_body": "rod",
     "postures": {"home": [0.0], "up": [1.5]},
 }
-KEYS = ", ".join([*CONTENT, "plant"])
+KEYS = ", ".join([*CONTENT, "keyframe", "plant"])
 
 
 def written(folder: Path, **changes: Any) -> Path:
@@ -90,6 +95,16 @@ def test_a_robot_without_plant_has_no_plants_constants(tmp_path: Path) -> None:
 
 def test_a_plants_constants_are_kept(tmp_path: Path) -> None:
     assert load_robot(written(tmp_path, plant={"friction": 29})).plant == {"friction": 29}
+
+
+def test_joints_left_out_are_at_zero_without_a_keyframe(tmp_path: Path) -> None:
+    torque = load_robot(written(tmp_path)).model.gravity_torque(np.zeros(1))
+    assert torque == pytest.approx([-0.1 * 0.5 * 9.81])
+
+
+def test_joints_left_out_are_where_the_keyframe_has_them(tmp_path: Path) -> None:
+    torque = load_robot(written(tmp_path, keyframe="folded")).model.gravity_torque(np.zeros(1))
+    assert torque == pytest.approx([-0.1 * np.cos(1.5) * 0.5 * 9.81])
 
 
 @pytest.mark.parametrize("key", list(CONTENT))
@@ -141,7 +156,7 @@ def test_a_missing_mjcf_is_named(tmp_path: Path) -> None:
         ({"muscles": [1, 2]}, "key 'muscles' is [1, 2], expected a list of names"),
         (
             {"joints": ["elbow"]},
-            "the MJCF does not fit: unknown joint 'elbow', choose from: hinge",
+            "the MJCF does not fit: unknown joint 'elbow', choose from: hinge, wrist",
         ),
         (
             {"muscles": ["left", "middle"]},
@@ -162,6 +177,13 @@ def test_a_missing_mjcf_is_named(tmp_path: Path) -> None:
             {"current_limit": [8]},
             "key 'current_limit' is [8]: key 'current_limit' has 1 values, expected 2: right, left",
         ),
+        (
+            {"payload_body": "hand"},
+            "key 'payload_body': unknown body 'hand', choose from: world, rod, tool",
+        ),
+        ({"payload_body": ["rod"]}, "key 'payload_body' is ['rod'], expected a name"),
+        ({"keyframe": "up"}, "unknown keyframe 'up', choose from: folded"),
+        ({"keyframe": 3}, "key 'keyframe' is 3, expected a name"),
         ({"postures": [0.0]}, "key 'postures' must map names to lists of angles [rad]"),
         (
             {"postures": {"home": [0.0, 1.0]}},

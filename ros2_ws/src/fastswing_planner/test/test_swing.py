@@ -1,6 +1,7 @@
 """The simulated swing goes as fast as the kept muscles allow, and no faster."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
-from fastswing_planner.errors import SwingBlocked
+from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.qp import QuadraticProgram
@@ -252,3 +253,29 @@ def test_a_swing_without_progress_stops_early(linear_arm: ArmBuilder) -> None:
         "the swing stops short of its end after 10 steps: "
         "j0 by +0.500 rad, j1 by -0.250 rad; blocking muscles: none"
     )
+
+
+@pytest.mark.parametrize(
+    ("setting", "text"),
+    [
+        ({"time_step": 0.0}, "time_step is 0 s, must be 0.0001 to 1"),
+        ({"time_step": 1.5}, "time_step is 1.5 s, must be 0.0001 to 1"),
+        ({"epsilon": -0.01}, "epsilon is -0.01 rad, must be 1e-05 to 1"),
+        ({"epsilon": 2.0}, "epsilon is 2 rad, must be 1e-05 to 1"),
+        ({"max_steps": 0}, "max_steps is 0, must be 1 to 100000"),
+        ({"max_steps": 100_001}, "max_steps is 100001, must be 1 to 100000"),
+        ({"max_steps": 10**20}, f"max_steps is {10**20}, must be 1 to 100000"),
+    ],
+)
+def test_a_setting_without_sense_is_refused(setting: dict[str, Any], text: str) -> None:
+    with pytest.raises(InvalidLimit) as caught:
+        SwingSettings(**setting)
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize("name", ["time_step", "epsilon"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_setting_that_is_no_number_is_refused(name: str, value: float) -> None:
+    with pytest.raises(NotFinite) as caught:
+        SwingSettings(**{name: value})  # type: ignore[arg-type]
+    assert str(caught.value) == f"{name} is {value}, expected a finite number"
