@@ -38,7 +38,6 @@ from fastswing_planner.request import (
     choice_from,
 )
 from fastswing_planner.robot import Robot
-from fastswing_planner.swing import SwingSettings
 
 NAN, INF = float("nan"), float("inf")
 JOINT_LIST = "S-p, S-r, S-y, E-p, E-y"
@@ -303,30 +302,6 @@ def test_a_wrong_request_says_what_is_wrong(musashi: Robot, what: str) -> None:
     with pytest.raises(error) as caught:
         plan(musashi, **change)
     assert (type(caught.value), str(caught.value)) == (error, text)
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "text"),
-    [
-        ({"time_step": 0.0}, InvalidLimit, "time_step is 0 s, must be 0.0001 to 1"),
-        ({"time_step": -0.03}, InvalidLimit, "time_step is -0.03 s, must be 0.0001 to 1"),
-        ({"time_step": NAN}, NotFinite, "time_step is nan, expected a finite number"),
-        ({"epsilon": 2.0}, InvalidLimit, "epsilon is 2 rad, must be 1e-05 to 1"),
-        ({"epsilon": INF}, NotFinite, "epsilon is inf, expected a finite number"),
-        ({"max_steps": 0}, InvalidLimit, "max_steps is 0, must be 1 to 100000"),
-        (
-            {"max_steps": 10**20},
-            InvalidLimit,
-            "max_steps is 100000000000000000000, must be 1 to 100000",
-        ),
-    ],
-)
-def test_a_setting_without_sense_says_what_is_wrong(
-    settings: dict[str, Any], error: type[PlannerError], text: str
-) -> None:
-    with pytest.raises(error) as caught:
-        SwingSettings(**settings)
-    assert str(caught.value) == text
 
 
 @pytest.mark.parametrize("method", Method)
