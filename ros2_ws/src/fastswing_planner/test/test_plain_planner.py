@@ -295,6 +295,17 @@ def test_what_the_exhaustive_search_leaves_out_is_no_better(
     assert better == []
 
 
+@pytest.mark.parametrize("sizes", [(130, 2, 5, 0.0), (153, 3, 5, 0.0), (185, 3, 5, 10.0)])
+def test_of_equally_fast_sets_of_a_size_the_one_with_the_lowest_peak_tension_is_taken(
+    linear_arm: ArmBuilder, sizes: Sizes
+) -> None:
+    ranks = [rank for rank in all_ranks(sizes).values() if rank]
+    best = min(ranks)
+    assert any(rank[:2] == best[:2] and rank[2] > best[2] + 1.0 for rank in ranks)
+    found = search(linear_arm, random_case(*sizes))
+    assert found.holding_tension.max() == pytest.approx(best[2], abs=1e-3)
+
+
 def test_sets_that_hold_no_better_are_left_out_if_muscles_may_be_slack(
     linear_arm: ArmBuilder,
 ) -> None:
