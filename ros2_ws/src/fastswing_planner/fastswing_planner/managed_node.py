@@ -74,9 +74,12 @@ class ManagedNode(LifecycleNode):
                 ParameterDescriptor(
                     description=row.description,
                     additional_constraints=row.range_text,
+                    # An empty list has no element that tells its type; `Parameter.check` does.
+                    dynamic_typing=isinstance(row.default, list),
                 ),
             )
         self.add_on_set_parameters_callback(self._judge_parameters)
+        self.add_post_set_parameters_callback(self.guarded(self._apply_parameters))
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.create_steady_timer(
@@ -101,6 +104,12 @@ class ManagedNode(LifecycleNode):
         """Return level (DiagnosticStatus), summary and values."""
         return DiagnosticStatus.OK, "ok", {}
 
+    def judge_parameter(self, name: str, value: Any) -> None:
+        """Raise PlannerError for a value that the table allows and the configured robot does not.
+
+        Asked only about changes at run time; `configure` judges the first values.
+        """
+
     def parameters_changed(self, parameters: Mapping[str, Any]) -> None:
         """Apply checked values of parameters that may change at run time."""
 
@@ -119,13 +128,19 @@ class ManagedNode(LifecycleNode):
             if row is None:
                 continue
             try:
-                row.check(change.value)
+                value = row.check(change.value)
+                if self._configured:
+                    self.judge_parameter(row.name, value)
             except PlannerError as error:
                 return SetParametersResult(successful=False, reason=str(error))
             if row.read_only and self._configured:
                 reason = f"{row.name} takes effect at configuration: deactivate and clean up first"
                 return SetParametersResult(successful=False, reason=reason)
         return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, _changes: list[RosParameter]) -> None:
+        if self._configured:
+            self.parameters_changed(self.parameter_values())
 
     # Lifecycle.
 

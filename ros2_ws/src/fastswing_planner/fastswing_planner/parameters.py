@@ -52,6 +52,8 @@ class Parameter:
         if expected in (int, float) and not self.low <= value <= self.high:
             valid = self.range_text or "a number"
             raise InvalidParameter(f"{self.name} is {value}, expected {valid}")
+        if expected is list and not all(isinstance(item, str) for item in value):
+            raise InvalidParameter(f"{self.name} is {value!r}, expected a list of texts")
         if self.choices and value not in self.choices:
             raise InvalidParameter(f"{self.name} is '{value}', choose from: {self.range_text}")
         return value
