@@ -47,7 +47,8 @@ class Parameter:
         if expected is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool):
-            raise InvalidParameter(f"{self.name} is {value!r}, expected {expected.__name__}")
+            wanted = "a list of texts" if expected is list else expected.__name__
+            raise InvalidParameter(f"{self.name} is {value!r}, expected {wanted}")
         # Also false for NaN.
         if expected in (int, float) and not self.low <= value <= self.high:
             valid = self.range_text or "a number"

@@ -102,6 +102,7 @@ class FaultyBoards(Boards):
         self._faults = faults
         if not np.array_equal(faults.stuck_encoder, self._arm.stuck):
             self._arm.stick(faults.stuck_encoder)
+            self._slipping[:] = 0.0
         self._arm.intact = ~faults.broken_wire
         self._supervise()
 
