@@ -79,6 +79,7 @@ class Suite:
         self._folder = folder
         self._bus = f"udp://127.0.0.1:{free_udp_port()}"
         self._ended: list[Process] = []
+        self._others: list[Process] = []
         self._context = rclpy.Context()
         rclpy.init(
             context=self._context,
@@ -128,6 +129,14 @@ class Suite:
         self.processes[name] = process
         return process
 
+    def start_another(self, name: str) -> Process:
+        """Start an executable beside the one there is, in a ROS domain of its own."""
+        log = self._folder / f"another_{name}.log"
+        environment = isolated_environment(free_domain())
+        process = Process(PACKAGES[name], name, {"bus_url": self._bus}, environment, log)
+        self._others.append(process)
+        return process
+
     def start_active(self, *names: str) -> None:
         """Start executables and wait until all of them are active."""
         for name in names:
@@ -137,7 +146,7 @@ class Suite:
 
     def close(self) -> dict[str, int]:
         """End what was started; return the exit codes."""
-        codes = stop_all(list(self.processes.values()), TIMEOUT_SEC)
+        codes = stop_all([*self._others, *self.processes.values()], TIMEOUT_SEC)
         if self._swings is not None:
             self._swings.destroy()
         self._executor.shutdown()

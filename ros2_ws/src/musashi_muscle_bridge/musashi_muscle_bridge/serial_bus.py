@@ -72,6 +72,8 @@ def _open_device(url: str, address: SerialAddress) -> SerialLine:
     except (OSError, ValueError) as error:  # SerialException is an OSError
         number = error.errno if isinstance(error, OSError) else None
         why = _REMEDIES.get(number or 0, f"not usable as a serial port: {error}")
+        if number == errno.ENOENT and address.pty:
+            why = "no such port; is the mock driver running?"
         raise BusError(f"bus_url '{url}': {why}") from error
     return SerialLine(device.fileno(), device.close)
 
@@ -113,8 +115,8 @@ class _Plug:
         self._url = url
         self._connect = connect
         self._address = serial_address(url)
-        self._open: SerialLine | None = connect(url, self._address)
-        self._tried = time.monotonic()
+        self._tried = -math.inf
+        self._open: SerialLine | None = None
         self._before: dict[str, int] = {"unplugged": 0}
 
     @property
@@ -156,9 +158,15 @@ class SerialBus:
     """The bridge's end; implements Bus."""
 
     def __init__(self, url: str) -> None:
-        """Open the port; raises BusError if it is absent or busy."""
+        """Open the port; raises BusError if it is absent or busy.
+
+        The mock driver's pseudo-terminal may come later: with `pty=true` absence is no error yet.
+        """
         self._url = url
         self._plug = _Plug(url, _open_device)
+        address = serial_address(url)
+        if address.path.exists() or not address.pty:
+            self._plug.line()
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -200,6 +208,7 @@ class SerialBoardPort:
         """Open the device, or make the pseudo-terminal; raises BusError."""
         terminal = serial_address(url).pty
         self._plug = _Plug(url, _make_terminal if terminal else _open_device)
+        self._plug.line()
 
     @property
     def dropped(self) -> dict[str, int]:

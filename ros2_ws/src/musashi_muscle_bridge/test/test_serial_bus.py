@@ -2,8 +2,10 @@
 
 import os
 import pty
+import time
 import tty
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -77,6 +79,23 @@ def test_an_absent_port_asks_for_the_cable(tmp_path: Path) -> None:
     with pytest.raises(BusError) as caught:
         SerialBus(url)
     assert str(caught.value) == f"bus_url '{url}': no such port; is the cable plugged in?"
+
+
+def test_the_terminal_of_a_mock_driver_may_come_after_the_bridge(url: str) -> None:
+    bus = SerialBus(url)
+    with pytest.raises(BusError) as caught:
+        bus.send(b"unheard")
+    assert str(caught.value) == f"bus_url '{url}': no such port; is the mock driver running?"
+    port = SerialBoardPort(url)
+    found = None
+    deadline = time.monotonic() + SOON
+    while found is None and time.monotonic() < deadline:
+        with suppress(BusError):
+            bus.send(b"command")
+        found = port.receive(0.01)
+    assert found is not None
+    bus.close()
+    port.close()
 
 
 def test_a_busy_port_asks_for_the_other_program(device: str) -> None:
