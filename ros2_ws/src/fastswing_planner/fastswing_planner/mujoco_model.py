@@ -51,11 +51,23 @@ class MujocoMuscleModel:
         for name, joint in zip(self.joint_names, joints, strict=True):
             if int(model.jnt_type[joint]) not in _SINGLE_AXIS:
                 raise RobotDescriptionError(f"joint '{name}' is not a hinge or slide joint")
+            # MuJoCo takes a range in the wrong order for none at all.
+            low, high = model.jnt_range[joint]
+            if low > high:
+                raise RobotDescriptionError(
+                    f"joint '{name}' has the range {low:g} to {high:g} in the MJCF, "
+                    "the lower end comes first"
+                )
         self._qpos_index = model.jnt_qposadr[joints]
         self._dof_index = model.jnt_dofadr[joints]
         limited = model.jnt_limited[joints].astype(bool)
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """All bodies of the MJCF, the world first."""
+        return tuple(self._bodies)
 
     def _update(self, joint_position: Vector) -> None:
         self._data.qpos[self._qpos_index] = joint_position

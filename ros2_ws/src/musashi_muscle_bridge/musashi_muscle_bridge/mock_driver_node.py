@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, resolve_path, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
@@ -68,7 +69,10 @@ class MockDriverNode(ManagedNode):
         robot = load_robot(resolve_path(parameters["robot_description"]))
         self._names = robot.model.muscle_names
         self._url: str = parameters["bus_url"]
-        self._boards = FaultyBoards(robot)
+        try:
+            self._boards = FaultyBoards(robot)
+        except RobotDescriptionError as error:
+            raise RobotDescriptionError(f"{robot.path}: {error}") from error
         # Boards without memory draw a number at each start.
         self._link = BoardLink(self._boards, secrets.randbits(16))
         self._commands: FaultyLine[Hashable] = FaultyLine(parameters["seed"])
