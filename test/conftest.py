@@ -77,7 +77,7 @@ class Suite:
         self.length_commands: list[LengthCommand] = []
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         self._folder = folder
-        self._bus = f"udp://127.0.0.1:{free_udp_port()}"
+        self.bus_url = f"udp://127.0.0.1:{free_udp_port()}"
         self._ended: list[Process] = []
         self._others: list[Process] = []
         self._context = rclpy.Context()
@@ -121,7 +121,7 @@ class Suite:
     def start(self, name: str, **parameters: object) -> Process:
         """Start an executable, in place of one that has ended."""
         if name in _ON_THE_BUS:
-            parameters = {"bus_url": self._bus, **parameters}
+            parameters = {"bus_url": self.bus_url, **parameters}
         if name in self.processes:
             self._ended.append(self.processes[name])
         log = self._folder / f"{name}_{len(self._ended)}.log"
@@ -133,7 +133,7 @@ class Suite:
         """Start an executable beside the one there is, in a ROS domain of its own."""
         log = self._folder / f"another_{name}.log"
         environment = isolated_environment(free_domain())
-        process = Process(PACKAGES[name], name, {"bus_url": self._bus}, environment, log)
+        process = Process(PACKAGES[name], name, {"bus_url": self.bus_url}, environment, log)
         self._others.append(process)
         return process
 
