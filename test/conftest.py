@@ -59,6 +59,7 @@ PACKAGES = {
 NODE_NAMES = {"record": "recorder"}
 TIMEOUT_SEC = 60.0
 _ASK_AGAIN_SEC = 3.0
+_GRACE_SEC = 1.0
 _PUBLISH_AGAIN_SEC = 0.5
 _ON_THE_BUS = ("mock_driver", "bridge")
 
@@ -192,6 +193,10 @@ class Suite:
             return any(future.done() for future in pending)
 
         self.until(f"an answer of {service}", answered)
+        # A late repetition must not act on what the test does next.
+        grace = time.monotonic() + _GRACE_SEC
+        while not all(future.done() for future in pending) and time.monotonic() < grace:
+            self._executor.spin_once(timeout_sec=0.02)
         return next(future.result() for future in pending if future.done())
 
     def trigger(self, service: str) -> None:

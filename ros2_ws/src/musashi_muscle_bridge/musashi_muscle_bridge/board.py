@@ -71,6 +71,8 @@ class Boards:
         rows["tension"] = plant.tension
         rows["current"] = plant.current
         rows["temperature"] = np.nan
+        rows["boots"] = 0
+        rows["refused"] = 0
         joints = np.zeros(plant.joint_position.size, dtype=JOINT_ROW)
         joints["position"] = plant.joint_position
         joints["velocity"] = plant.joint_velocity

@@ -6,6 +6,7 @@ The bridge node runs it against a bus, the headless closed loop against emulated
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.muscle_model import MuscleModel
@@ -92,7 +93,7 @@ class ControlPeriod:
         self._cleared_from: int | None = None  # the first frame that asked to clear
         self._answered: int | None = None
         self._answered_at = -np.inf
-        self._boots: Vector | None = None
+        self._boots = b""
         self._rebooted = np.zeros(len(self._ids), dtype=bool)
 
     @property
@@ -134,7 +135,7 @@ class ControlPeriod:
             faulty = np.zeros(len(self._ids), dtype=bool)
         else:
             faulty = state.rows["fault"] != Fault.NONE
-        faulty |= self._notice_reboots(state.rows["boots"])
+        faulty = self._with_reboots(faulty, state.rows["boots"])
         setpoints = self.arbiter.update(
             now,
             state.rows["length"].astype(float),
@@ -154,14 +155,14 @@ class ControlPeriod:
         self._answered = sequence
         self._answered_at = now
 
-    def _notice_reboots(self, boots: Vector) -> BoolVector:
-        """Boards that started again forgot their faults, limits and perhaps their length."""
-        again = (
-            np.zeros(len(self._ids), dtype=bool) if self._boots is None else boots != self._boots
-        )
-        self._boots = boots
-        self._rebooted |= again
-        return again
+    def _with_reboots(self, faulty: BoolVector, boots: NDArray[np.uint16]) -> BoolVector:
+        """Add boards that started again: they forgot their faults, and perhaps their length."""
+        before, self._boots = self._boots, boots.tobytes()
+        if self._boots == before or not before:
+            return faulty
+        rebooted = boots != np.frombuffer(before, boots.dtype)
+        self._rebooted |= rebooted
+        return faulty | rebooted
 
     def _answers_before_clearing(self, sequence: int) -> bool:
         """Whether a state is older than the request to clear faults, so still shows them."""

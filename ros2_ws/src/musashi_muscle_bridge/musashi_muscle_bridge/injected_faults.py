@@ -90,6 +90,7 @@ class FaultyBoards(Boards):
         super().__init__(robot, self._arm)
         nothing = np.zeros(len(robot.model.muscle_names), dtype=bool)
         self._faults = ArmFaults(nothing, nothing, nothing, nothing)
+        self._sound = True
         self._slipping = np.zeros(nothing.size)
         self._boots = np.zeros(nothing.size, dtype=np.uint16)
         self._last = super().state(0).rows
@@ -100,15 +101,18 @@ class FaultyBoards(Boards):
         revived = self._faults.dead_board & ~faults.dead_board
         self._boots[revived] += 1
         self._faults = faults
+        self._sound = not any(getattr(faults, name).any() for name in ARM_FAULTS)
         if not np.array_equal(faults.stuck_encoder, self._arm.stuck):
             self._arm.stick(faults.stuck_encoder)
             self._slipping[:] = 0.0
-        self._arm.intact = ~faults.broken_wire
+        self._arm.wire_broken = faults.broken_wire.copy()
         self._supervise()
 
     def advance(self, elapsed: float) -> None:
         """Let `elapsed` [s] pass."""
         super().advance(elapsed)
+        if self._sound:
+            return
         slip = np.abs(self._arm.motor_velocity - self._arm.velocity) > _SLIP
         self._slipping = np.where(slip, self._slipping + elapsed, 0.0)
         self._supervise()
@@ -124,11 +128,14 @@ class FaultyBoards(Boards):
 
     def state(self, sequence: int) -> StateFrame:
         """Return what was measured, as far as the boards can."""
-        self._supervise()
+        if not self._sound:
+            self._supervise()
         state = super().state(sequence)
         rows = state.rows
-        rows["temperature"][self._faults.hot_motor] = _HOT
         rows["boots"] = self._boots
+        if self._sound:
+            return state
+        rows["temperature"][self._faults.hot_motor] = _HOT
         dead = self._faults.dead_board
         for field in ("length", "velocity", "tension", "temperature"):
             rows[field][dead] = self._last[field][dead]

@@ -83,7 +83,7 @@ def test_length_limits_leave_room_for_stretch_and_for_elongation(hoist: Robot) -
 
 def test_the_other_limits_are_the_robots(hoist: Robot) -> None:
     limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
-    assert limits.tension_max.tolist() == [100.0, 100.0]
+    assert limits.tension_max.tolist() == [50.0, 50.0]
     assert limits.current_max.tolist() == [8.0, 8.0]
     assert limits.velocity.tolist() == [0.3, 0.3]
     assert (limits.stream_timeout, limits.max_lease) == (0.1, 0.2)
