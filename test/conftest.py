@@ -59,6 +59,7 @@ PACKAGES = {
 NODE_NAMES = {"record": "recorder"}
 TIMEOUT_SEC = 60.0
 _ASK_AGAIN_SEC = 3.0
+_CLEAR_AGAIN_SEC = 5.0
 _GRACE_SEC = 1.0
 _PUBLISH_AGAIN_SEC = 0.5
 _ON_THE_BUS = ("mock_driver", "bridge")
@@ -233,19 +234,24 @@ class Suite:
 
     def wait_for_modes(self, mode: int) -> None:
         """Wait until every muscle is in a mode (MuscleState.MODE_*) without a fault."""
-        self.until(
-            f"mode {mode} of all muscles",
-            lambda: (
-                self.muscles is not None
-                and set(self.muscles.mode) == {mode}
-                and not any(self.muscles.fault)
-            ),
-        )
+        self.until(f"mode {mode} of all muscles", lambda: self._all_in(mode))
+
+    def _all_in(self, mode: int) -> bool:
+        muscles = self.muscles
+        return muscles is not None and set(muscles.mode) == {mode} and not any(muscles.fault)
 
     def hold(self) -> None:
         """Clear what a stall of this machine may have left, and wait until all muscles hold."""
-        self.trigger("clear_faults")
-        self.wait_for_modes(MuscleState.MODE_LENGTH)
+        cleared = -np.inf
+
+        def held() -> bool:
+            nonlocal cleared
+            if time.monotonic() - cleared > _CLEAR_AGAIN_SEC:
+                self.trigger("clear_faults")
+                cleared = time.monotonic()
+            return self._all_in(MuscleState.MODE_LENGTH)
+
+        self.until("all muscles to hold", held)
 
     def reported(self, node: str, key: str) -> str:
         """Return a value of a node's last diagnostics; empty if it is not in them."""

@@ -23,6 +23,7 @@ from musashi_muscle_bridge.protocol import (
 )
 
 _CLEAR_FRAMES = 3
+_CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
 _MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond
 
 
@@ -91,6 +92,7 @@ class ControlPeriod:
         self._sequence = 0
         self._clear_frames = 0
         self._cleared_from: int | None = None  # the first frame that asked to clear
+        self._clear_until: float | None = None  # [s]
         self._answered: int | None = None
         self._answered_at = -np.inf
         self._boots = b""
@@ -105,6 +107,7 @@ class ControlPeriod:
         """Clear the boards' faults and the emergency stop; the muscles then hold."""
         self._clear_frames = _CLEAR_FRAMES
         self._cleared_from = (self._sequence + 1) % 2**32
+        self._clear_until = None
         self._rebooted[:] = False
         self.arbiter.clear_faults()
 
@@ -131,7 +134,7 @@ class ControlPeriod:
     def next_command(self, state: StateFrame, now: float) -> CommandFrame:
         """Return the command that follows `state`, at the monotonic time `now` [s]."""
         self._notice_outage(state.sequence, now)
-        if self._answers_before_clearing(state.sequence):
+        if self._answers_before_clearing(state.sequence, now):
             faulty = np.zeros(len(self._ids), dtype=bool)
         else:
             faulty = state.rows["fault"] != Fault.NONE
@@ -164,11 +167,15 @@ class ControlPeriod:
         self._rebooted |= rebooted
         return faulty | rebooted
 
-    def _answers_before_clearing(self, sequence: int) -> bool:
+    def _answers_before_clearing(self, sequence: int, now: float) -> bool:
         """Whether a state is older than the request to clear faults, so still shows them."""
         if self._cleared_from is None:
             return False
         older = (sequence - self._cleared_from) % 2**32 >= 2**31
+        if self._clear_until is None:
+            self._clear_until = now + _CLEAR_SEC
+        if older and now < self._clear_until:
+            self._clear_frames = max(self._clear_frames, 1)
         if not older and not self._clear_frames:
             self._cleared_from = None
         return older or self._clear_frames > 0

@@ -154,6 +154,34 @@ def test_clearing_is_asked_for_in_three_frames(control: ControlPeriod, state: St
     assert flags == [True, True, True, False, False]
 
 
+def flags_without_answers(control: ControlPeriod, state: StateFrame, seconds: float) -> list[bool]:
+    """Return which of the following commands ask to clear while only an old state is there."""
+    return [
+        control.next_command(state, k * PERIOD).clear_faults
+        for k in range(1, round(seconds / PERIOD) + 1)
+    ]
+
+
+def test_clearing_is_asked_for_until_it_is_answered(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    flags_without_answers(control, state, 0.1)
+    control.clear_faults()
+    assert all(flags_without_answers(control, state, 0.1))
+    answer = dataclasses.replace(state, sequence=100)
+    assert not control.next_command(answer, 0.11).clear_faults
+
+
+def test_clearing_that_nobody_answers_is_given_up(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    flags_without_answers(control, state, 0.1)
+    control.clear_faults()
+    asked = flags_without_answers(control, state, 1.0)
+    assert sum(asked) == pytest.approx(0.5 / PERIOD, abs=2)
+    assert not any(asked[-200:])
+
+
 def test_clearing_ends_a_fault_that_the_boards_still_report(
     control: ControlPeriod, state: StateFrame
 ) -> None:
