@@ -30,6 +30,7 @@ _IDLE_SEC = 0.002
 # meanwhile: the boards' watchdog must not bite for it. What lies further back is skipped.
 _SLICE_SEC = 0.01
 _MAX_BACKLOG_SEC = 0.2
+_MAX_FRAMES_AT_ONCE = 64
 
 
 def _line_fault(name: str, description: str, unit: str = "") -> Parameter:
@@ -121,14 +122,22 @@ class MockDriverNode(ManagedNode):
             if backlog > _MAX_BACKLOG_SEC:
                 self._skipped += backlog - _MAX_BACKLOG_SEC
                 last += backlog - _MAX_BACKLOG_SEC
-            patience = min(_IDLE_SEC, max(self._answers.due() - time.monotonic(), 0.0))
-            received = self._port.receive(0.0 if backlog > _SLICE_SEC else patience)
+            behind = backlog > _SLICE_SEC
+            self._listen(1 if behind else _MAX_FRAMES_AT_ONCE, 0.0 if behind else _IDLE_SEC)
             elapsed = min(time.monotonic() - last, _SLICE_SEC)
             self._pass(elapsed)
             last += elapsed
-            if received is not None:
-                self._commands.put(received.frame, received.sender, time.monotonic())
             self._exchange(time.monotonic())
+
+    def _listen(self, count: int, patience: float) -> None:
+        """Take the frames that wait, so that none grows old behind the plant."""
+        patience = min(patience, max(self._answers.due() - time.monotonic(), 0.0))
+        for _ in range(count):
+            received = self._port.receive(patience)
+            if received is None:
+                return
+            self._commands.put(received.frame, received.sender, time.monotonic())
+            patience = 0.0
 
     def _pass(self, elapsed: float) -> None:
         faults, self._next_faults = self._next_faults, None
