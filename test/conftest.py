@@ -59,6 +59,8 @@ PACKAGES = {
 NODE_NAMES = {"record": "recorder"}
 TIMEOUT_SEC = 60.0
 _ASK_AGAIN_SEC = 3.0
+_CLEAR_AGAIN_SEC = 5.0
+_GRACE_SEC = 1.0
 _PUBLISH_AGAIN_SEC = 0.5
 _ON_THE_BUS = ("mock_driver", "bridge")
 
@@ -77,8 +79,9 @@ class Suite:
         self.length_commands: list[LengthCommand] = []
         self.diagnostics: dict[str, DiagnosticStatus] = {}
         self._folder = folder
-        self._bus = f"udp://127.0.0.1:{free_udp_port()}"
+        self.bus_url = f"udp://127.0.0.1:{free_udp_port()}"
         self._ended: list[Process] = []
+        self._others: list[Process] = []
         self._context = rclpy.Context()
         rclpy.init(
             context=self._context,
@@ -120,12 +123,20 @@ class Suite:
     def start(self, name: str, **parameters: object) -> Process:
         """Start an executable, in place of one that has ended."""
         if name in _ON_THE_BUS:
-            parameters = {"bus_url": self._bus, **parameters}
+            parameters = {"bus_url": self.bus_url, **parameters}
         if name in self.processes:
             self._ended.append(self.processes[name])
         log = self._folder / f"{name}_{len(self._ended)}.log"
         process = Process(PACKAGES[name], name, parameters, isolated_environment(self.domain), log)
         self.processes[name] = process
+        return process
+
+    def start_another(self, name: str) -> Process:
+        """Start an executable beside the one there is, in a ROS domain of its own."""
+        log = self._folder / f"another_{name}.log"
+        environment = isolated_environment(free_domain())
+        process = Process(PACKAGES[name], name, {"bus_url": self.bus_url}, environment, log)
+        self._others.append(process)
         return process
 
     def start_active(self, *names: str) -> None:
@@ -137,7 +148,7 @@ class Suite:
 
     def close(self) -> dict[str, int]:
         """End what was started; return the exit codes."""
-        codes = stop_all(list(self.processes.values()), TIMEOUT_SEC)
+        codes = stop_all([*self._others, *self.processes.values()], TIMEOUT_SEC)
         if self._swings is not None:
             self._swings.destroy()
         self._executor.shutdown()
@@ -183,6 +194,10 @@ class Suite:
             return any(future.done() for future in pending)
 
         self.until(f"an answer of {service}", answered)
+        # A late repetition must not act on what the test does next.
+        grace = time.monotonic() + _GRACE_SEC
+        while not all(future.done() for future in pending) and time.monotonic() < grace:
+            self._executor.spin_once(timeout_sec=0.02)
         return next(future.result() for future in pending if future.done())
 
     def trigger(self, service: str) -> None:
@@ -219,19 +234,24 @@ class Suite:
 
     def wait_for_modes(self, mode: int) -> None:
         """Wait until every muscle is in a mode (MuscleState.MODE_*) without a fault."""
-        self.until(
-            f"mode {mode} of all muscles",
-            lambda: (
-                self.muscles is not None
-                and set(self.muscles.mode) == {mode}
-                and not any(self.muscles.fault)
-            ),
-        )
+        self.until(f"mode {mode} of all muscles", lambda: self._all_in(mode))
+
+    def _all_in(self, mode: int) -> bool:
+        muscles = self.muscles
+        return muscles is not None and set(muscles.mode) == {mode} and not any(muscles.fault)
 
     def hold(self) -> None:
         """Clear what a stall of this machine may have left, and wait until all muscles hold."""
-        self.trigger("clear_faults")
-        self.wait_for_modes(MuscleState.MODE_LENGTH)
+        cleared = -np.inf
+
+        def held() -> bool:
+            nonlocal cleared
+            if time.monotonic() - cleared > _CLEAR_AGAIN_SEC:
+                self.trigger("clear_faults")
+                cleared = time.monotonic()
+            return self._all_in(MuscleState.MODE_LENGTH)
+
+        self.until("all muscles to hold", held)
 
     def reported(self, node: str, key: str) -> str:
         """Return a value of a node's last diagnostics; empty if it is not in them."""

@@ -30,6 +30,14 @@ setup(
             "mock_driver = musashi_muscle_bridge.mock_driver_node:main",
             "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
         ],
-        "musashi_muscle_bridge.buses": ["udp = musashi_muscle_bridge.udp_bus:UdpBus"],
+        # A laboratory's own bus adds an entry to both, in a package of its own.
+        "musashi_muscle_bridge.buses": [
+            "serial = musashi_muscle_bridge.serial_bus:SerialBus",
+            "udp = musashi_muscle_bridge.udp_bus:UdpBus",
+        ],
+        "musashi_muscle_bridge.board_ports": [
+            "serial = musashi_muscle_bridge.serial_bus:SerialBoardPort",
+            "udp = musashi_muscle_bridge.udp_bus:UdpBoardPort",
+        ],
     },
 )

@@ -58,6 +58,8 @@ class ManagedNode(LifecycleNode):
                 ParameterDescriptor(
                     description=row.description,
                     additional_constraints=row.range_text,
+                    # An empty list has no element that tells its type; `Parameter.check` does.
+                    dynamic_typing=isinstance(row.default, list),
                 ),
             )
         self.add_on_set_parameters_callback(self._judge_parameters)
@@ -86,6 +88,12 @@ class ManagedNode(LifecycleNode):
         """Return level (DiagnosticStatus), summary and values."""
         return DiagnosticStatus.OK, "ok", {}
 
+    def judge_parameter(self, name: str, value: Any) -> None:
+        """Raise PlannerError for a value that the table allows and the configured robot does not.
+
+        Asked only about changes at run time; `configure` judges the first values.
+        """
+
     def parameters_changed(self, parameters: Mapping[str, Any]) -> None:
         """Apply checked values of parameters that may change at run time."""
 
@@ -104,7 +112,9 @@ class ManagedNode(LifecycleNode):
             if row is None:
                 continue
             try:
-                row.check(change.value)
+                value = row.check(change.value)
+                if self._configured:
+                    self.judge_parameter(row.name, value)
             except PlannerError as error:
                 return SetParametersResult(successful=False, reason=str(error))
             if row.read_only and self._configured:

@@ -19,12 +19,19 @@ def object_names(model: mujoco.MjModel, kind: mujoco.mjtObj, count: int) -> list
 def joint_indices(model: mujoco.MjModel, names: Sequence[str]) -> list[int]:
     """Return the indices of the named hinge and slide joints.
 
-    Raises RobotDescriptionError for no name, an unknown or repeated one, or another joint type.
+    Raises RobotDescriptionError for no name, an unknown or repeated one, another joint type, or a
+    range in the wrong order.
     """
     index = _indices(model, "joint", names, mujoco.mjtObj.mjOBJ_JOINT, model.njnt)
     for name, joint in zip(names, index, strict=True):
         if int(model.jnt_type[joint]) not in SINGLE_AXIS:
             raise RobotDescriptionError(f"joint '{name}' is not a hinge or slide joint")
+        low, high = model.jnt_range[joint]
+        if low > high:  # MuJoCo takes that for no range at all
+            raise RobotDescriptionError(
+                f"joint '{name}' has the range {low:g} to {high:g} in the MJCF, the lower end "
+                "comes first"
+            )
     return index
 
 

@@ -47,11 +47,14 @@ class Parameter:
         if expected is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool):
-            raise InvalidParameter(f"{self.name} is {value!r}, expected {expected.__name__}")
+            wanted = "a list of texts" if expected is list else expected.__name__
+            raise InvalidParameter(f"{self.name} is {value!r}, expected {wanted}")
         # Also false for NaN.
         if expected in (int, float) and not self.low <= value <= self.high:
             valid = self.range_text or "a number"
             raise InvalidParameter(f"{self.name} is {value}, expected {valid}")
+        if expected is list and not all(isinstance(item, str) for item in value):
+            raise InvalidParameter(f"{self.name} is {value!r}, expected a list of texts")
         if self.choices and value not in self.choices:
             raise InvalidParameter(f"{self.name} is '{value}', choose from: {self.range_text}")
         return value

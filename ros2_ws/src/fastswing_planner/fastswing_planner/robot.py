@@ -28,6 +28,8 @@ _REQUIRED = (
     "postures",
 )
 _OPTIONAL = ("keyframe", "plant")
+_LIMITS = ("velocity_limit", "acceleration_limit", "tension_min", "tension_max")
+_ROUNDING = 1e-6  # [rad] of an angle or range written with few digits
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,9 @@ def load_robot(path: Path) -> Robot:
             f"{path}: no such file; set robot_description to the YAML file of your robot"
         ) from error
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise RobotDescriptionError(f"{path}: not a readable YAML file: {error}") from error
+        raise RobotDescriptionError(
+            f"{path}: not a readable YAML file: {_one_line(error)}"
+        ) from error
     if not isinstance(content, dict):
         raise RobotDescriptionError(f"{path}: expected a mapping with {', '.join(_REQUIRED)}")
     for key in _REQUIRED:
@@ -86,43 +90,46 @@ def load_robot(path: Path) -> Robot:
     try:
         return _build(path, content)
     except (InvalidRequest, RobotDescriptionError) as error:
-        raise RobotDescriptionError(f"{path}: {error}") from error
+        raise RobotDescriptionError(f"{path}: {_one_line(error)}") from error
+
+
+def _one_line(error: Exception) -> str:
+    """Return what PyYAML and MuJoCo tell in several lines, for a log."""
+    return " ".join(str(error).split())
 
 
 def _build(path: Path, content: dict[str, Any]) -> Robot:
     mjcf = path.parent / str(content["mjcf"])
+    if not mjcf.is_file():
+        raise RobotDescriptionError(
+            f"key 'mjcf' is {content['mjcf']!r}: {mjcf} is no file; write the MJCF's path, "
+            "seen from this file's folder"
+        )
     joints = _names(content, "joints")
     muscles = _names(content, "muscles")
     model = MujocoMuscleModel(load_mjcf(mjcf), joints, muscles, _text(content, "keyframe"))
-
-    if not isinstance(content["postures"], dict):
-        raise RobotDescriptionError("key 'postures' must map names to lists of angles [rad]")
+    plant = content.get("plant") or {}
+    if not isinstance(plant, dict):
+        raise RobotDescriptionError(f"key 'plant' is {plant!r}, expected a mapping of constants")
+    limits = muscle_limits(muscles, *(_numbers(content, key, muscles) for key in _LIMITS))
     return Robot(
         path=path,
         mjcf=mjcf,
         model=model,
-        limits=muscle_limits(
-            muscles,
-            content["velocity_limit"],
-            content["acceleration_limit"],
-            content["tension_min"],
-            content["tension_max"],
-        ),
-        tension_limit=_positive(content, "tension_limit", muscles),
+        limits=limits,
+        tension_limit=_tension_limit(content, muscles, limits),
         current_limit=_positive(content, "current_limit", muscles),
         wire_stiffness=_positive(content, "wire_stiffness", muscles),
         payload_body=_body(_text(content, "payload_body"), model),
-        postures={
-            str(name): _posture(str(name), angles, joints)
-            for name, angles in content["postures"].items()
-        },
-        plant=content.get("plant") or {},
+        postures=_postures(content["postures"], model),
+        plant=plant,
     )
 
 
 def _names(content: dict[str, Any], key: str) -> tuple[str, ...]:
     names = content[key]
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+    listed = isinstance(names, list) and len(names) > 0
+    if not listed or not all(isinstance(name, str) for name in names):
         raise RobotDescriptionError(f"key '{key}' is {names!r}, expected a list of names")
     return tuple(names)
 
@@ -142,24 +149,61 @@ def _body(name: str, model: MujocoMuscleModel) -> str:
     return name
 
 
-def _posture(name: str, angles: Any, joints: tuple[str, ...]) -> Vector:
+def _postures(postures: Any, model: MujocoMuscleModel) -> dict[str, Vector]:
+    if not isinstance(postures, dict):
+        raise RobotDescriptionError("key 'postures' must map names to lists of angles [rad]")
+    if "home" not in postures:
+        raise RobotDescriptionError("key 'postures' lacks 'home', the posture of an arm at rest")
+    return {str(name): _posture(str(name), angles, model) for name, angles in postures.items()}
+
+
+def _posture(name: str, angles: Any, model: MujocoMuscleModel) -> Vector:
     try:
-        return finite_vector(f"posture '{name}'", angles, joints)
-    except (TypeError, ValueError) as error:
+        posture = finite_vector(f"posture '{name}'", angles, model.joint_names)
+    except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, InvalidRequest):
             raise
         raise RobotDescriptionError(
             f"posture '{name}' is {angles!r}, expected a list of angles [rad]"
         ) from error
+    ranges = zip(model.joint_names, posture, model.joint_lower, model.joint_upper, strict=True)
+    for joint, angle, low, high in ranges:
+        if not low - _ROUNDING <= angle <= high + _ROUNDING:
+            raise RobotDescriptionError(
+                f"posture '{name}' of {joint} is {angle:g} rad, the MJCF allows {low:g} to {high:g}"
+            )
+    return posture
+
+
+def _numbers(content: dict[str, Any], key: str, muscles: tuple[str, ...]) -> Vector:
+    """Return one number for each muscle, infinity and NaN included."""
+    value = content[key]
+    values = value if isinstance(value, list) else [value] * len(muscles)
+    numbers = all(type(item) in (int, float) for item in values)
+    if not numbers or len(values) != len(muscles):
+        raise RobotDescriptionError(
+            f"key '{key}' is {value!r}, expected one number, or {len(muscles)} for "
+            f"{', '.join(muscles)}"
+        )
+    # float() of an enormous integer is an error; as a text it is infinity.
+    return np.array([float(str(item)) for item in values])
 
 
 def _positive(content: dict[str, Any], key: str, muscles: tuple[str, ...]) -> Vector:
-    value = content[key]
-    values = value if isinstance(value, list) else [value] * len(muscles)
-    try:
-        vector = finite_vector(f"key '{key}'", values, muscles)
-    except (TypeError, ValueError) as error:
-        raise RobotDescriptionError(f"key '{key}' is {value!r}: {error}") from error
+    vector = finite_vector(f"key '{key}'", _numbers(content, key, muscles), muscles)
     if not np.all(vector > 0):
-        raise RobotDescriptionError(f"key '{key}' is {value!r}, must be positive")
+        raise RobotDescriptionError(f"key '{key}' is {content[key]!r}, must be positive")
     return vector
+
+
+def _tension_limit(
+    content: dict[str, Any], muscles: tuple[str, ...], limits: MuscleLimits
+) -> Vector:
+    tension_limit = _positive(content, "tension_limit", muscles)
+    for name, limit, planned in zip(muscles, tension_limit, limits.tension_max, strict=True):
+        if limit < planned:
+            raise RobotDescriptionError(
+                f"key 'tension_limit' of {name} is {limit:g} N, must not be below its tension_max "
+                f"{planned:g} N: the boards would pay out what a plan asks for"
+            )
+    return tension_limit

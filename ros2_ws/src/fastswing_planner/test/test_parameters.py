@@ -54,7 +54,7 @@ def test_a_number_without_range_must_still_be_a_number() -> None:
         (SWITCH, 1, "read_only is 1, expected bool"),
         (METHOD, None, "method is None, expected str"),
         (METHOD, "fast", "method is 'fast', choose from: basic, elongate"),
-        (NAMES, "#1", "muscles is '#1', expected list"),
+        (NAMES, "#1", "muscles is '#1', expected a list of texts"),
     ],
 )
 def test_a_wrong_value_is_shown_with_what_would_be_right(

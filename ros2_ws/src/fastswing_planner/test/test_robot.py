@@ -138,6 +138,7 @@ def test_a_file_that_is_no_yaml_is_named(tmp_path: Path, content: bytes) -> None
     path = tmp_path / "robot.yaml"
     path.write_bytes(content)
     assert refusal(path).startswith(f"{path}: not a readable YAML file: ")
+    assert "\n" not in refusal(path)
 
 
 def test_a_folder_is_no_description(tmp_path: Path) -> None:
@@ -146,7 +147,36 @@ def test_a_folder_is_no_description(tmp_path: Path) -> None:
 
 def test_a_missing_mjcf_is_named(tmp_path: Path) -> None:
     path = written(tmp_path, mjcf="other.xml")
-    assert refusal(path).startswith(f"{path}: {tmp_path / 'other.xml'}: not a usable MJCF: ")
+    assert refusal(path) == (
+        f"{path}: key 'mjcf' is 'other.xml': {tmp_path / 'other.xml'} is no file; "
+        "write the MJCF's path, seen from this file's folder"
+    )
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        MJCF.replace("</mujoco>", ""),
+        MJCF.replace("tendon>", "tendons>"),
+        MJCF.replace('site="end"/></spatial>', 'site="tip"/></spatial>'),
+    ],
+    ids=["unclosed", "element", "site"],
+)
+def test_a_broken_mjcf_is_named_in_one_line(tmp_path: Path, broken: str) -> None:
+    path = written(tmp_path)
+    (tmp_path / "arm.xml").write_text(broken)
+    text = refusal(path)
+    assert text.startswith(f"{path}: {tmp_path / 'arm.xml'}: not a usable MJCF: ")
+    assert "\n" not in text
+
+
+def test_a_range_in_the_wrong_order_is_named(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    reversed_range = MJCF.replace('limited="true" range="-1 2"', 'range="2 -1"')
+    (tmp_path / "arm.xml").write_text(reversed_range)
+    assert refusal(path) == (
+        f"{path}: joint 'hinge' has the range 2 to -1 in the MJCF, the lower end comes first"
+    )
 
 
 @pytest.mark.parametrize(
@@ -167,7 +197,42 @@ def test_a_missing_mjcf_is_named(tmp_path: Path) -> None:
             "the MJCF does not fit: muscle 'left' is named more than once",
         ),
         ({"velocity_limit": [0.3, -1]}, "velocity_limit of left is -1 m/s, must be positive"),
-        ({"velocity_limit": "fast"}, "velocity_limit is 'fast', expected one number or 2 numbers"),
+        (
+            {"velocity_limit": "fast"},
+            "key 'velocity_limit' is 'fast', expected one number, or 2 for right, left",
+        ),
+        (
+            {"tension_limit": True},
+            "key 'tension_limit' is True, expected one number, or 2 for right, left",
+        ),
+        (
+            {"wire_stiffness": [[1, 2], [3, 4]]},
+            "key 'wire_stiffness' is [[1, 2], [3, 4]], expected one number, or 2 for right, left",
+        ),
+        (
+            {"current_limit": 10**400},
+            "key 'current_limit' of right is inf, expected a finite number",
+        ),
+        (
+            {"tension_max": 350},
+            "key 'tension_limit' of right is 300 N, must not be below its tension_max 350 N: "
+            "the boards would pay out what a plan asks for",
+        ),
+        ({"joints": []}, "key 'joints' is [], expected a list of names"),
+        ({"muscles": []}, "key 'muscles' is [], expected a list of names"),
+        (
+            {"payload_body": "hand"},
+            "key 'payload_body' is 'hand', no body of the MJCF, choose from: world, rod",
+        ),
+        ({"plant": [5]}, "key 'plant' is [5], expected a mapping of constants"),
+        (
+            {"postures": {"up": [0.0]}},
+            "key 'postures' lacks 'home', the posture of an arm at rest",
+        ),
+        (
+            {"postures": {"home": [0.0], "up": [2.5]}},
+            "posture 'up' of hinge is 2.5 rad, the MJCF allows -1 to 2",
+        ),
         (
             {"tension_min": 250},
             "tension_max of right is 200 N, must be above its tension_min 250 N",
@@ -175,7 +240,7 @@ def test_a_missing_mjcf_is_named(tmp_path: Path) -> None:
         ({"wire_stiffness": 0}, "key 'wire_stiffness' is 0, must be positive"),
         (
             {"current_limit": [8]},
-            "key 'current_limit' is [8]: key 'current_limit' has 1 values, expected 2: right, left",
+            "key 'current_limit' is [8], expected one number, or 2 for right, left",
         ),
         (
             {"payload_body": "hand"},

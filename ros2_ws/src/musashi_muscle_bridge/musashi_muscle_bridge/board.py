@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fastswing_planner.arrays import Vector
+from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.plant import Drive, Plant
 from musashi_muscle_bridge.protocol import (
@@ -23,9 +23,9 @@ _OVER_TENSION_FACTOR = 1.5  # of the tension limit, above which a board gives up
 class Boards:
     """One board for each muscle: modes, limits, watchdog, latched faults."""
 
-    def __init__(self, robot: Robot) -> None:
-        """Start at zero current."""
-        self.plant = Plant(robot)
+    def __init__(self, robot: Robot, plant: Plant | None = None) -> None:
+        """Start at zero current; `plant` is the robot's own unless another is given."""
+        self.plant = plant or Plant(robot)
         count = self.plant.length.size
         self._ids = np.arange(count)
         self._mode = np.full(count, Mode.ZERO_CURRENT, dtype=np.uint8)
@@ -71,6 +71,8 @@ class Boards:
         rows["tension"] = plant.tension
         rows["current"] = plant.current
         rows["temperature"] = np.nan
+        rows["boots"] = 0
+        rows["refused"] = 0
         joints = np.zeros(plant.joint_position.size, dtype=JOINT_ROW)
         joints["position"] = plant.joint_position
         joints["velocity"] = plant.joint_velocity
@@ -87,11 +89,12 @@ class Boards:
 
     def _watch(self) -> None:
         if self._since_command > self._watchdog_timeout:
-            self._fail(self.fault == Fault.NONE, Fault.WATCHDOG)
+            self.fail(self.fault == Fault.NONE, Fault.WATCHDOG)
         over = self.plant.tension > _OVER_TENSION_FACTOR * self._tension_limit
-        self._fail(over & (self.fault == Fault.NONE), Fault.OVER_TENSION)
+        self.fail(over & (self.fault == Fault.NONE), Fault.OVER_TENSION)
 
-    def _fail(self, which: np.ndarray, fault: Fault) -> None:
+    def fail(self, which: BoolVector, fault: Fault) -> None:
+        """Latch a fault on some boards, shape (m,)."""
         if not which.any():
             return
         self.fault[which] = fault

@@ -1,5 +1,6 @@
 """The robot as a node: commands in, muscle and joint states out."""
 
+import secrets
 import sys
 import threading
 from collections.abc import Callable, Mapping
@@ -82,6 +83,7 @@ class BridgeNode(ManagedNode):
         self._rejected: dict[str, int] = {}
         self._last_rejection = ""
         self._faults: tuple[str, ...] = ()
+        self._refused = 0
         self._emergency_latched = False  # over a deactivation
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
@@ -106,6 +108,7 @@ class BridgeNode(ManagedNode):
             limits,
             WatchdogAction[parameters["watchdog_action"].upper()],
             parameters["watchdog_timeout"],
+            session=secrets.randbits(32),
         )
         if self._emergency_latched:
             self._control.arbiter.emergency_stop()
@@ -222,6 +225,7 @@ class BridgeNode(ManagedNode):
             for name, fault in zip(self._names, rows["fault"], strict=True)
             if fault
         )
+        self._refused = int(rows["refused"].max(initial=0))
         self._muscle_state.publish(
             MuscleState(
                 header=header,
@@ -254,17 +258,27 @@ class BridgeNode(ManagedNode):
             arbiter = self._control.arbiter
             overridden = np.flatnonzero(arbiter.overridden(self.monotonic()))
             latched = ", ".join(self._names[index] for index in np.flatnonzero(arbiter.latched))
+            rebooted = ", ".join(
+                self._names[index] for index in np.flatnonzero(self._control.rebooted)
+            )
             values: dict[str, object] = {
                 "emergency_stop": arbiter.emergency,
                 "overridden": ", ".join(self._names[index] for index in overridden),
                 "clamped": arbiter.clamped,
                 "faults": ", ".join(self._faults),
+                "rebooted": rebooted,
+                "refused_by_boards": self._refused,
             }
         values |= self._loop.statistics() | self._rejected
         topics = [topic for _, topic, _ in _COMMANDS.values()] + [_OVERRIDE]
         doubled = [topic for topic in topics if self.count_publishers(topic) > 1]
         problems = [
             (not self._loop.alive, DiagnosticStatus.ERROR, "the control thread died, see the log"),
+            (
+                rebooted,
+                DiagnosticStatus.ERROR,
+                f"boards started again, at zero current until clear_faults: {rebooted}",
+            ),
             (latched, DiagnosticStatus.ERROR, f"latched until clear_faults: {latched}"),
             (self._faults, DiagnosticStatus.ERROR, f"faults: {', '.join(self._faults)}"),
             (arbiter.emergency, DiagnosticStatus.ERROR, "emergency stop, see clear_faults"),

@@ -1,16 +1,29 @@
-"""How frames travel to the boards."""
+"""How frames travel between bridge and boards."""
 
+from collections.abc import Callable, Hashable, Mapping
 from importlib.metadata import entry_points
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 from urllib.parse import urlsplit
 
 from musashi_muscle_bridge.errors import BusError
 
-ENTRY_POINT_GROUP = "musashi_muscle_bridge.buses"
+BRIDGE_ENDS = "musashi_muscle_bridge.buses"
+BOARD_ENDS = "musashi_muscle_bridge.board_ports"
+
+MAX_FRAME = 65507
+"""[bytes] what one UDP datagram can carry; the answer of 74 muscles and 38 joints has 2,396."""
 
 
 class Bus(Protocol):
-    """The bridge's end of a bus to one group of boards."""
+    """The bridge's end of a bus to one group of boards.
+
+    A bus carries whole frames and never keeps more than it can within one control period: what
+    does not fit is lost, as on any bus. After an unplugging it finds its boards again by itself.
+    """
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """What was dropped, by reason, for the diagnostics; such as {"stranger": 3}."""
 
     def send(self, frame: bytes) -> None:
         """Send a command frame; raises BusError."""
@@ -22,17 +35,65 @@ class Bus(Protocol):
         """Release the port."""
 
 
+class Received(NamedTuple):
+    """A frame and where it came from; None on a bus with a single bridge."""
+
+    frame: bytes
+    sender: Hashable
+
+
+class BoardPort(Protocol):
+    """The boards' end, for the mock driver; see Bus."""
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """What was dropped, by reason."""
+
+    def receive(self, timeout: float) -> Received | None:
+        """Return the next frame, or None after `timeout` [s]; raises BusError."""
+
+    def send(self, frame: bytes, to: Hashable) -> None:
+        """Send a state frame to a sender; lost if it is gone."""
+
+    def close(self) -> None:
+        """Release the port."""
+
+
 def open_bus(url: str) -> Bus:
-    """Open the bus that a URL such as `udp://127.0.0.1:48800` names.
+    """Open the bridge's end of the bus that a URL such as `udp://127.0.0.1:48800` names.
 
     The scheme selects an entry point of the group `musashi_muscle_bridge.buses`, a callable that
     takes the URL. Raises BusError naming the URL and the schemes there are.
     """
-    scheme = urlsplit(url).scheme
-    buses = {entry.name: entry for entry in entry_points(group=ENTRY_POINT_GROUP)}
-    if scheme not in buses:
-        raise BusError(
-            f"bus_url '{url}': unknown scheme '{scheme}', choose from: {', '.join(sorted(buses))}"
-        )
-    bus: Bus = buses[scheme].load()(url)
+    bus: Bus = _opener(BRIDGE_ENDS, url)(url)
     return bus
+
+
+def open_board_port(url: str) -> BoardPort:
+    """Open the boards' end: the same with the group `musashi_muscle_bridge.board_ports`."""
+    port: BoardPort = _opener(BOARD_ENDS, url)(url)
+    return port
+
+
+def _opener(group: str, url: str) -> Callable[[str], Any]:
+    scheme = url_scheme(url)
+    openers = {entry.name: entry for entry in entry_points(group=group)}
+    if scheme not in openers:
+        choices = ", ".join(sorted(openers))
+        raise BusError(f"bus_url '{url}': unknown scheme '{scheme}', choose from: {choices}")
+    try:
+        opener: Callable[[str], Any] = openers[scheme].load()
+    except (ImportError, AttributeError) as error:
+        raise BusError(
+            f"bus_url '{url}': the entry point '{openers[scheme].value}' of {group} "
+            f"cannot be loaded: {error}"
+        ) from error
+    return opener
+
+
+def url_scheme(url: str) -> str:
+    """Return what stands before `://`; raises BusError for what is no URL at all."""
+    try:
+        return urlsplit(url).scheme
+    except ValueError as error:
+        raise BusError(f"bus_url '{url}': {error}; expected SCHEME://...") from error

@@ -6,8 +6,9 @@ The bridge node runs it against a bus, the headless closed loop against emulated
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits
@@ -22,6 +23,8 @@ from musashi_muscle_bridge.protocol import (
 )
 
 _CLEAR_FRAMES = 3
+_CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
+_MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond
 
 
 def length_range(model: MuscleModel, count: int = 400) -> tuple[Vector, Vector]:
@@ -31,8 +34,12 @@ def length_range(model: MuscleModel, count: int = 400) -> tuple[Vector, Vector]:
     """
     low = np.maximum(model.joint_lower, -np.pi)
     high = np.minimum(model.joint_upper, np.pi)
-    fractions = np.random.default_rng(0).uniform(size=(count, low.size))
-    corners = np.array(np.meshgrid(*[[0.0, 1.0]] * low.size)).T.reshape(-1, low.size)
+    random = np.random.default_rng(0)
+    fractions = random.uniform(size=(count, low.size))
+    if low.size <= _MAX_CORNER_JOINTS:
+        corners = np.array(np.meshgrid(*[[0.0, 1.0]] * low.size)).T.reshape(-1, low.size)
+    else:
+        corners = random.integers(0, 2, size=(2**_MAX_CORNER_JOINTS, low.size)).astype(float)
     samples = low + np.vstack([fractions, corners]) * (high - low)
     lengths = np.array([model.lengths(sample) for sample in samples])
     return frozen(lengths.min(axis=0)), frozen(lengths.max(axis=0))
@@ -66,8 +73,12 @@ class ControlPeriod:
         limits: CommandLimits,
         watchdog_action: WatchdogAction,
         watchdog_timeout: float,
+        session: int = 0,
     ) -> None:
-        """watchdog_timeout [s] and action are what the boards do when frames stop."""
+        """watchdog_timeout [s] and action are what the boards do when frames stop.
+
+        session  0 to 2**32 - 1; boards tell one bridge from another by it
+        """
         self._robot = robot
         self.arbiter = CommandArbiter(robot.model.muscle_names, limits)
         self._watchdog_action = watchdog_action
@@ -77,16 +88,27 @@ class ControlPeriod:
         self._rows["id"] = self._ids
         self._rows["tension_limit"] = robot.tension_limit
         self._rows["current_limit"] = robot.current_limit
+        self.session = session
         self._sequence = 0
         self._clear_frames = 0
         self._cleared_from: int | None = None  # the first frame that asked to clear
+        self._clear_until: float | None = None  # [s]
         self._answered: int | None = None
         self._answered_at = -np.inf
+        self._boots = b""
+        self._rebooted = np.zeros(len(self._ids), dtype=bool)
+
+    @property
+    def rebooted(self) -> BoolVector:
+        """Muscles whose boards started again since faults were last cleared, shape (m,)."""
+        return self._rebooted.copy()
 
     def clear_faults(self) -> None:
         """Clear the boards' faults and the emergency stop; the muscles then hold."""
         self._clear_frames = _CLEAR_FRAMES
-        self._cleared_from = self._sequence + 1
+        self._cleared_from = (self._sequence + 1) % 2**32
+        self._clear_until = None
+        self._rebooted[:] = False
         self.arbiter.clear_faults()
 
     def check(self, state: StateFrame) -> None:
@@ -112,10 +134,11 @@ class ControlPeriod:
     def next_command(self, state: StateFrame, now: float) -> CommandFrame:
         """Return the command that follows `state`, at the monotonic time `now` [s]."""
         self._notice_outage(state.sequence, now)
-        if self._answers_before_clearing(state.sequence):
+        if self._answers_before_clearing(state.sequence, now):
             faulty = np.zeros(len(self._ids), dtype=bool)
         else:
             faulty = state.rows["fault"] != Fault.NONE
+        faulty = self._with_reboots(faulty, state.rows["boots"])
         setpoints = self.arbiter.update(
             now,
             state.rows["length"].astype(float),
@@ -135,11 +158,24 @@ class ControlPeriod:
         self._answered = sequence
         self._answered_at = now
 
-    def _answers_before_clearing(self, sequence: int) -> bool:
+    def _with_reboots(self, faulty: BoolVector, boots: NDArray[np.uint16]) -> BoolVector:
+        """Add boards that started again: they forgot their faults, and perhaps their length."""
+        before, self._boots = self._boots, boots.tobytes()
+        if self._boots == before or not before:
+            return faulty
+        rebooted = boots != np.frombuffer(before, boots.dtype)
+        self._rebooted |= rebooted
+        return faulty | rebooted
+
+    def _answers_before_clearing(self, sequence: int, now: float) -> bool:
         """Whether a state is older than the request to clear faults, so still shows them."""
         if self._cleared_from is None:
             return False
         older = (sequence - self._cleared_from) % 2**32 >= 2**31
+        if self._clear_until is None:
+            self._clear_until = now + _CLEAR_SEC
+        if older and now < self._clear_until:
+            self._clear_frames = max(self._clear_frames, 1)
         if not older and not self._clear_frames:
             self._cleared_from = None
         return older or self._clear_frames > 0
@@ -149,5 +185,10 @@ class ControlPeriod:
         clear = self._clear_frames > 0
         self._clear_frames = max(self._clear_frames - 1, 0)
         return CommandFrame(
-            self._sequence, self._rows.copy(), self._watchdog_action, self._watchdog_timeout, clear
+            self._sequence,
+            self._rows.copy(),
+            self._watchdog_action,
+            self._watchdog_timeout,
+            clear,
+            self.session,
         )

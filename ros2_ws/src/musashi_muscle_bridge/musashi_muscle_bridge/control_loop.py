@@ -7,7 +7,9 @@ from collections.abc import Callable
 from musashi_muscle_bridge.bus import Bus
 from musashi_muscle_bridge.control import ControlPeriod
 from musashi_muscle_bridge.errors import BusError, BusTimeout, FrameError
-from musashi_muscle_bridge.protocol import StateFrame
+from musashi_muscle_bridge.protocol import StateFrame, is_newer
+
+_MAX_FRAMES_PER_PERIOD = 64  # whatever floods the bus, the next command goes out
 
 
 class ControlLoop:
@@ -35,6 +37,7 @@ class ControlLoop:
         self._worst_lateness = 0.0
         self._worst_round_trip = 0.0
         self._last_error = ""
+        self._dropped = {"damaged": 0, "foreign": 0}
         self.misses_in_a_row = 0
 
     @property
@@ -64,6 +67,8 @@ class ControlLoop:
             "worst_lateness_ms": round(self._worst_lateness * 1e3, 3),
             "worst_round_trip_ms": round(self._worst_round_trip * 1e3, 3),
             "last_bus_error": self._last_error,
+            **{f"dropped_{reason}": count for reason, count in self._dropped.items()},
+            **{f"bus_{reason}": count for reason, count in self._bus.dropped.items()},
         }
 
     def _run(self) -> None:
@@ -110,16 +115,34 @@ class ControlLoop:
     def _await(self, sequence: int, oldest: int, deadline: float) -> StateFrame:
         """Return the answer to this frame, or at the deadline the newest late one."""
         newest: StateFrame | None = None
-        while newest is None or newest.sequence != sequence:
+        problem: BusError | FrameError | None = None
+        for _ in range(_MAX_FRAMES_PER_PERIOD):
             try:
-                state = StateFrame.decode(self._bus.receive(deadline - time.monotonic()))
-            except BusTimeout:
-                if newest is None:
-                    raise
+                state = self._receive(deadline - time.monotonic())
+            except FrameError as error:
+                # Anybody's noise: the answer may still come.
+                problem = error
+                continue
+            except BusTimeout as error:
+                problem = problem or error
                 break
-            self._control.check(state)
-            # Newer than the last one; the sequence wraps.
-            if 0 < (state.sequence - oldest) % 2**32 < 2**31:
-                newest = state
-                oldest = state.sequence
+            if is_newer(state.sequence, oldest):
+                newest, oldest = state, state.sequence
+            if newest is not None and newest.sequence == sequence:
+                break
+        if newest is None:
+            raise problem or BusTimeout("the boards only repeat old answers")
         return newest
+
+    def _receive(self, timeout: float) -> StateFrame:
+        frame = self._bus.receive(timeout)
+        try:
+            state = StateFrame.decode(frame)
+        except FrameError:
+            self._dropped["damaged"] += 1
+            raise
+        if state.session != self._control.session:
+            self._dropped["foreign"] += 1
+            raise FrameError(f"an answer to another bridge, of session {state.session:#x}")
+        self._control.check(state)
+        return state

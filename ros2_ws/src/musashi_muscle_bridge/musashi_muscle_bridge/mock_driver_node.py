@@ -1,39 +1,59 @@
 """The far end of the bus: emulated boards on the plant, against the wall clock."""
 
-import random
+import secrets
 import threading
 import time
-from collections.abc import Mapping
+import traceback
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
-from musashi_muscle_bridge.board import Boards
+from musashi_muscle_bridge.board_link import BoardLink
+from musashi_muscle_bridge.bus import open_board_port
 from musashi_muscle_bridge.bus_parameters import BUS_URL
-from musashi_muscle_bridge.errors import FrameError
-from musashi_muscle_bridge.protocol import CommandFrame
-from musashi_muscle_bridge.udp_bus import UdpBoardPort
+from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
+from musashi_muscle_bridge.injected_faults import (
+    ARM_FAULTS,
+    ArmFaults,
+    FaultyBoards,
+    chosen_muscles,
+)
 
 _IDLE_SEC = 0.002
 # After a stall of this machine the plant catches up in slices, taking the frames that waited
 # meanwhile: the boards' watchdog must not bite for it. What lies further back is skipped.
 _SLICE_SEC = 0.01
 _MAX_BACKLOG_SEC = 0.2
+_MAX_FRAMES_AT_ONCE = 64
+
+
+def _line_fault(name: str, description: str, unit: str = "") -> Parameter:
+    return Parameter(name, 0.0, description, unit, 0.0, 1.0, read_only=False)
+
+
+def _arm_fault(name: str, description: str) -> Parameter:
+    return Parameter(name, [], f"Muscles, by name: {description}", read_only=False)
+
 
 TABLE = (
     ROBOT_DESCRIPTION,
     BUS_URL,
-    Parameter("latency", 0.0, "Delay of each answer.", "s", 0.0, 1.0, read_only=False),
-    Parameter("loss", 0.0, "Share of answers that are lost.", "", 0.0, 1.0, read_only=False),
-    Parameter(
-        "corruption", 0.0, "Share of answers with a flipped bit.", "", 0.0, 1.0, read_only=False
-    ),
-    Parameter("seed", 0, "Seed of loss and corruption.", "", 0, 2**31 - 1),
+    _line_fault("latency", "Delay of each answer.", "s"),
+    _line_fault("jitter", "At most this much more delay, evenly distributed.", "s"),
+    _line_fault("loss", "Share of frames that are lost, on the way there and on the way back."),
+    _line_fault("corruption", "Share of frames with a flipped bit, there and back."),
+    _arm_fault("stuck_encoder", "the encoder shows what it showed last."),
+    _arm_fault("dead_board", "the board has no power; afterwards it has started again."),
+    _arm_fault("hot_motor", "the motor is beyond its temperature limit."),
+    _arm_fault("broken_wire", "the wire pulls nothing."),
+    Parameter("seed", 0, "Seed of jitter, loss and corruption.", "", 0, 2**31 - 1),
 )
 
 
@@ -43,21 +63,45 @@ class MockDriverNode(ManagedNode):
     def __init__(self) -> None:
         """Declare parameters."""
         super().__init__("mock_driver", TABLE)
-        self._frames = 0
-        self._bad_frames = 0
         self._skipped = 0.0
+        self._next_faults: ArmFaults | None = None
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Build the arm."""
-        self._boards = Boards(load_robot(resolve_path(parameters["robot_description"])))
+        robot = load_robot(resolve_path(parameters["robot_description"]))
+        self._names = robot.model.muscle_names
         self._url: str = parameters["bus_url"]
-        self._random = random.Random(parameters["seed"])  # not for security
+        try:
+            self._boards = FaultyBoards(robot)
+        except RobotDescriptionError as error:
+            raise RobotDescriptionError(f"{robot.path}: {error}") from error
+        # Boards without memory draw a number at each start.
+        self._link = BoardLink(self._boards, secrets.randbits(16))
+        self._commands: FaultyLine[Hashable] = FaultyLine(parameters["seed"])
+        self._answers: FaultyLine[Hashable] = FaultyLine(parameters["seed"] + 1)
+        self.parameters_changed(parameters)
+
+    def judge_parameter(self, name: str, value: Any) -> None:
+        """Refuse muscles that the robot does not have."""
+        if name in ARM_FAULTS:
+            chosen_muscles(name, value, self._names)
+
+    def parameters_changed(self, parameters: Mapping[str, Any]) -> None:
+        """Take over the faults, for the arm in its own thread."""
+        self._next_faults = ArmFaults(
+            **{name: chosen_muscles(name, parameters[name], self._names) for name in ARM_FAULTS}
+        )
+        loss, corruption = parameters["loss"], parameters["corruption"]
+        self._commands.faults = LineFaults(0.0, 0.0, loss, corruption)
+        self._answers.faults = LineFaults(
+            parameters["latency"], parameters["jitter"], loss, corruption
+        )
 
     def activate(self) -> None:
         """Open the port and let time pass."""
-        self._port = UdpBoardPort(self._url)
+        self._port = open_board_port(self._url)
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._live, name="boards", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
         self._thread.start()
 
     def deactivate(self) -> None:
@@ -66,6 +110,12 @@ class MockDriverNode(ManagedNode):
         self._thread.join()
         self._port.close()
 
+    def _run(self) -> None:
+        try:
+            self._live()
+        except Exception:
+            self.get_logger().error(f"the boards stopped:\n{traceback.format_exc()}")
+
     def _live(self) -> None:
         last = time.monotonic()
         while not self._stop.is_set():
@@ -73,42 +123,52 @@ class MockDriverNode(ManagedNode):
             if backlog > _MAX_BACKLOG_SEC:
                 self._skipped += backlog - _MAX_BACKLOG_SEC
                 last += backlog - _MAX_BACKLOG_SEC
-            frame = self._port.receive(0.0 if backlog > _SLICE_SEC else _IDLE_SEC)
+            behind = backlog > _SLICE_SEC
+            self._listen(1 if behind else _MAX_FRAMES_AT_ONCE, 0.0 if behind else _IDLE_SEC)
             elapsed = min(time.monotonic() - last, _SLICE_SEC)
-            self._boards.advance(elapsed)
+            self._pass(elapsed)
             last += elapsed
-            if frame is not None:
-                self._answer(frame)
+            self._exchange(time.monotonic())
 
-    def _answer(self, frame: bytes) -> None:
-        try:
-            command = CommandFrame.decode(frame)
-        except FrameError:
-            self._bad_frames += 1
-            return
-        self._frames += 1
-        answer = self._boards.handle(command).encode()
-        faults = {
-            name: self.get_parameter(name).value for name in ("latency", "loss", "corruption")
-        }
-        if self._random.random() < faults["loss"]:
-            return
-        if self._random.random() < faults["corruption"]:
-            place = self._random.randrange(len(answer))
-            answer = answer[:place] + bytes([answer[place] ^ 1]) + answer[place + 1 :]
-        if faults["latency"]:
-            self._stop.wait(faults["latency"])
-        self._port.send(answer)
+    def _listen(self, count: int, patience: float) -> None:
+        """Take the frames that wait, so that none grows old behind the plant."""
+        patience = min(patience, max(self._answers.due() - time.monotonic(), 0.0))
+        for _ in range(count):
+            received = self._port.receive(patience)
+            if received is None:
+                return
+            self._commands.put(received.frame, received.sender, time.monotonic())
+            patience = 0.0
+
+    def _pass(self, elapsed: float) -> None:
+        faults, self._next_faults = self._next_faults, None
+        if faults is not None:
+            self._boards.inject(faults)
+        self._link.advance(elapsed)
+
+    def _exchange(self, now: float) -> None:
+        for frame, sender in self._commands.take(now):
+            answer = self._link.answer(frame, sender)
+            if answer is not None:
+                self._answers.put(answer, sender, now)
+        for answer, sender in self._answers.take(now):
+            self._port.send(answer, sender)
 
     def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
         """Report frames, faults and lost time."""
+        if not self.is_active:
+            return DiagnosticStatus.OK, "inactive", {}
         values: dict[str, object] = {
-            "frames": self._frames,
-            "bad_frames": self._bad_frames,
+            "frames": self._link.frames,
+            **{f"refused_{reason}": count for reason, count in self._link.refused.items()},
+            **{f"bus_{reason}": count for reason, count in self._port.dropped.items()},
+            "lost_on_purpose": self._commands.lost + self._answers.lost,
+            "corrupted_on_purpose": self._commands.corrupted + self._answers.corrupted,
             "skipped_seconds": round(self._skipped, 3),
+            "faulty_boards": int(np.count_nonzero(self._boards.fault)),
         }
-        if self.is_active:
-            values["faulty_boards"] = int(np.count_nonzero(self._boards.fault))
+        if not self._thread.is_alive():
+            return DiagnosticStatus.ERROR, "the boards stopped, see the log", values
         return DiagnosticStatus.OK, "ok", values
 
 

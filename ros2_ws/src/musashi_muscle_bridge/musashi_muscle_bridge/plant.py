@@ -83,6 +83,7 @@ class Plant:
         self._winch_velocity = np.zeros(self._winch.size)
         self._tension = np.zeros(self._winch.size)
         self._current = np.zeros(self._winch.size)
+        self.wire_broken = np.zeros(self._winch.size, dtype=bool)  # pulls nothing
 
     @property
     def joint_position(self) -> Vector:
@@ -122,7 +123,7 @@ class Plant:
         rate = self._data.ten_velocity[self._tendons] - self._winch_velocity
         # A slack wire pulls nothing, and damping never pushes.
         pull = self._stiffness * stretch + self._constants.wire_damping * rate
-        self._tension = np.where(stretch > 0.0, np.maximum(pull, 0.0), 0.0)
+        self._tension = np.where((stretch > 0.0) & ~self.wire_broken, np.maximum(pull, 0.0), 0.0)
         jacobian = tendon_jacobian(self._mjcf, self._data)[self._tendons]
         # tau = -G^T f
         self._data.qfrc_applied[:] = -jacobian.T @ self._tension

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from musashi_muscle_bridge.errors import FrameError
 
 MAGIC = b"FS"
-VERSION = 1
+VERSION = 2
 
-_HEADER = struct.Struct("<2sBBIHH")  # magic, version, kind, sequence, muscles, joints
+_HEADER = struct.Struct("<2sBBIIHH")  # magic, version, kind, session, sequence, muscles, joints
 _COMMAND_HEADER = struct.Struct("<BBH")  # watchdog action, flags, watchdog timeout [ms]
 _CRC = struct.Struct("<I")
 
@@ -44,6 +44,8 @@ STATE_ROW = np.dtype(
         ("tension", "<f4"),
         ("current", "<f4"),
         ("temperature", "<f4"),
+        ("boots", "<u2"),
+        ("refused", "<u2"),
     ]
 )
 JOINT_ROW = np.dtype([("position", "<f4"), ("velocity", "<f4")])
@@ -87,6 +89,7 @@ class CommandFrame:
     rows              COMMAND_ROW for each muscle: setpoint [m], [N] or [A] by mode
     watchdog_timeout  [s] without a command frame until `watchdog_action`
     clear_faults      clear latched faults whose cause is gone
+    session           chosen anew by each bridge that starts
     """
 
     sequence: int
@@ -94,11 +97,14 @@ class CommandFrame:
     watchdog_action: WatchdogAction
     watchdog_timeout: float
     clear_faults: bool = False
+    session: int = 0
 
     def encode(self) -> bytes:
         """Return the frame's bytes."""
         return _seal(
-            _HEADER.pack(MAGIC, VERSION, _KIND_COMMAND, self.sequence, len(self.rows), 0)
+            _HEADER.pack(
+                MAGIC, VERSION, _KIND_COMMAND, self.session, self.sequence, len(self.rows), 0
+            )
             + _COMMAND_HEADER.pack(
                 self.watchdog_action, int(self.clear_faults), round(self.watchdog_timeout * 1000)
             )
@@ -108,7 +114,7 @@ class CommandFrame:
     @staticmethod
     def decode(frame: bytes) -> "CommandFrame":
         """Read a frame; raises FrameError."""
-        sequence, muscles, _, body = _open(frame, _KIND_COMMAND)
+        session, sequence, muscles, _, body = _open(frame, _KIND_COMMAND)
         expected = _COMMAND_HEADER.size + muscles * COMMAND_ROW.itemsize
         if len(body) != expected:
             raise FrameError(f"command frame has {len(body)} bytes of content, not {expected}")
@@ -118,12 +124,13 @@ class CommandFrame:
         except ValueError as error:
             raise FrameError(f"unknown watchdog action {action}") from error
         rows = np.frombuffer(body, COMMAND_ROW, muscles, _COMMAND_HEADER.size)
-        return CommandFrame(sequence, rows, watchdog_action, timeout_ms / 1000.0, bool(flags & 1))
+        timeout, clear = timeout_ms / 1000.0, bool(flags & 1)
+        return CommandFrame(sequence, rows, watchdog_action, timeout, clear, session)
 
 
 @dataclass(frozen=True)
 class StateFrame:
-    """What the boards measured; `sequence` is that of the command they answer.
+    """What the boards measured; `session` and `sequence` are those of the command they answer.
 
     rows    STATE_ROW for each muscle
     joints  JOINT_ROW for each joint [rad], [rad/s]
@@ -132,17 +139,18 @@ class StateFrame:
     sequence: int
     rows: Rows
     joints: Rows
+    session: int = 0
 
     def encode(self) -> bytes:
         """Return the frame's bytes."""
         counts = len(self.rows), len(self.joints)
-        header = _HEADER.pack(MAGIC, VERSION, _KIND_STATE, self.sequence, *counts)
+        header = _HEADER.pack(MAGIC, VERSION, _KIND_STATE, self.session, self.sequence, *counts)
         return _seal(header + self.rows.tobytes() + self.joints.tobytes())
 
     @staticmethod
     def decode(frame: bytes) -> "StateFrame":
         """Read a frame; raises FrameError."""
-        sequence, muscles, joints, body = _open(frame, _KIND_STATE)
+        session, sequence, muscles, joints, body = _open(frame, _KIND_STATE)
         split = muscles * STATE_ROW.itemsize
         expected = split + joints * JOINT_ROW.itemsize
         if len(body) != expected:
@@ -151,22 +159,29 @@ class StateFrame:
             sequence,
             np.frombuffer(body, STATE_ROW, muscles),
             np.frombuffer(body, JOINT_ROW, joints, split),
+            session,
         )
+
+
+def is_newer(sequence: int, than: int) -> bool:
+    """Whether a sequence number comes after another one; both wrap to 0 after 2**32 - 1."""
+    return 0 < (sequence - than) % 2**32 < 2**31
 
 
 def _seal(content: bytes) -> bytes:
     return content + _CRC.pack(zlib.crc32(content))
 
 
-def _open(frame: bytes, expected_kind: int) -> tuple[int, int, int, bytes]:
+def _open(frame: bytes, expected_kind: int) -> tuple[int, int, int, int, bytes]:
     if len(frame) < _HEADER.size + _CRC.size:
         raise FrameError(f"frame of {len(frame)} bytes is too short")
     content, crc = frame[: -_CRC.size], _CRC.unpack(frame[-_CRC.size :])[0]
     if zlib.crc32(content) != crc:
         raise FrameError("frame is damaged: its CRC does not fit")
-    magic, version, kind, sequence, muscles, joints = _HEADER.unpack_from(content)
+    # The version first: where kind and counts stand may change with it.
+    magic, version, kind, session, sequence, muscles, joints = _HEADER.unpack_from(content)
+    if magic == MAGIC and version != VERSION:
+        raise FrameError(f"frame of protocol version {version}, this side speaks {VERSION}")
     if magic != MAGIC or kind != expected_kind:
         raise FrameError(f"not the expected frame: magic {magic!r}, kind {kind}")
-    if version != VERSION:
-        raise FrameError(f"frame of protocol version {version}, this side speaks {VERSION}")
-    return sequence, muscles, joints, content[_HEADER.size :]
+    return session, sequence, muscles, joints, content[_HEADER.size :]

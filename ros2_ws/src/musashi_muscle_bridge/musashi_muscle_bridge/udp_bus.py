@@ -3,62 +3,86 @@
 import contextlib
 import select
 import socket
+import time
+from collections.abc import Hashable
 from urllib.parse import urlsplit
 
+from musashi_muscle_bridge.bus import MAX_FRAME, Received
 from musashi_muscle_bridge.errors import BusError, BusTimeout
 
-_MAX_FRAME = 65507
+_Address = tuple[str, int]
 
 
-def udp_address(url: str) -> tuple[str, int]:
+def udp_address(url: str) -> _Address:
     """Return host and port of `udp://HOST:PORT`; raises BusError naming the URL."""
     try:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
     except ValueError as error:
         raise BusError(f"bus_url '{url}': {error}; expected udp://HOST:PORT") from error
-    if parts.scheme != "udp" or not host or not port:
+    more = parts.path.strip("/") or parts.query or parts.fragment or parts.username
+    if parts.scheme != "udp" or not host or not port or more:
         raise BusError(f"bus_url '{url}': expected udp://HOST:PORT, such as udp://127.0.0.1:48800")
     return host, port
 
 
-def _open_socket(url: str) -> tuple[socket.socket, tuple[str, int]]:
-    address = udp_address(url)
-    return socket.socket(socket.AF_INET, socket.SOCK_DGRAM), address
+def _resolved(url: str) -> _Address:
+    host, port = udp_address(url)
+    try:
+        return socket.gethostbyname(host), port
+    except OSError as error:
+        raise BusError(
+            f"bus_url '{url}': {error.strerror}: '{host}'; write the boards' IPv4 address"
+        ) from error
+
+
+def _route(url: str, address: _Address) -> str:
+    """Return this machine's address on the way to another one."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.connect(address)
+        except OSError as error:
+            raise BusError(f"bus_url '{url}': {error.strerror}; is the network up?") from error
+        here: str = probe.getsockname()[0]
+        return here
 
 
 class UdpBus:
-    """The bridge's end; implements Bus. A connected socket: strangers' datagrams are dropped."""
+    """The bridge's end; implements Bus. Datagrams of strangers are dropped and counted."""
 
     def __init__(self, url: str) -> None:
-        """Connect to the boards at `url`; raises BusError."""
+        """Get a port on the way to the boards at `url`; raises BusError."""
         self._url = url
-        self._socket, address = _open_socket(url)
-        try:
-            self._socket.connect(address)
-        except OSError as error:
-            self._socket.close()
-            raise BusError(f"bus_url '{url}': {error}") from error
+        self._boards = _resolved(url)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind((_route(url, self._boards), 0))
+        self._socket.setblocking(False)
+        self.address: _Address = self._socket.getsockname()
+        self.dropped = {"stranger": 0}
 
     def send(self, frame: bytes) -> None:
         """Send a command frame; raises BusError."""
         try:
-            self._socket.send(frame)
-        except ConnectionRefusedError:
-            # Nobody listened to an earlier frame; the missing reply tells.
-            return
+            self._socket.sendto(frame, self._boards)
+        except BlockingIOError:
+            return  # a full send buffer loses the frame, and the missing answer tells
         except OSError as error:
             raise BusError(f"{self._url}: {error}") from error
 
     def receive(self, timeout: float) -> bytes:
         """Return the next frame; raises BusTimeout after `timeout` [s]."""
-        self._socket.settimeout(max(timeout, 1e-6))
+        deadline = time.monotonic() + timeout
         try:
-            return self._socket.recv(_MAX_FRAME)
-        except (TimeoutError, ConnectionRefusedError) as error:
-            raise BusTimeout(f"{self._url}: no answer from the boards") from error
+            while select.select([self._socket], [], [], max(deadline - time.monotonic(), 0.0))[0]:
+                frame, sender = self._socket.recvfrom(MAX_FRAME)
+                if sender == self._boards:
+                    return bytes(frame)
+                self.dropped["stranger"] += 1
+                if time.monotonic() > deadline:
+                    break
         except OSError as error:
             raise BusError(f"{self._url}: {error}") from error
+        raise BusTimeout(f"{self._url}: no answer from the boards")
 
     def close(self) -> None:
         """Release the port."""
@@ -66,11 +90,12 @@ class UdpBus:
 
 
 class UdpBoardPort:
-    """The boards' end: receives command frames, answers to where the last one came from."""
+    """The boards' end; implements BoardPort."""
 
     def __init__(self, url: str) -> None:
         """Listen at `url`; raises BusError if the port is busy."""
-        self._socket, address = _open_socket(url)
+        address = _resolved(url)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind(address)
         except OSError as error:
@@ -79,22 +104,21 @@ class UdpBoardPort:
                 f"bus_url '{url}': {error.strerror}; is another mock driver running?"
             ) from error
         self._socket.setblocking(False)
-        self._peer: tuple[str, int] | None = None
+        self.dropped: dict[str, int] = {}
 
-    def receive(self, timeout: float) -> bytes | None:
+    def receive(self, timeout: float) -> Received | None:
         """Return the next frame, or None after `timeout` [s]."""
         readable, _, _ = select.select([self._socket], [], [], timeout)
         if readable:
             with contextlib.suppress(OSError):
-                frame, self._peer = self._socket.recvfrom(_MAX_FRAME)
-                return bytes(frame)
+                frame, sender = self._socket.recvfrom(MAX_FRAME)
+                return Received(bytes(frame), sender)
         return None
 
-    def send(self, frame: bytes) -> None:
-        """Answer the last sender; lost if it is gone."""
-        if self._peer is not None:
-            with contextlib.suppress(OSError):
-                self._socket.sendto(frame, self._peer)
+    def send(self, frame: bytes, to: Hashable) -> None:
+        """Answer a sender; lost if it is gone."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(frame, to)  # type: ignore[call-overload]  # what `receive` gave
 
     def close(self) -> None:
         """Release the port."""

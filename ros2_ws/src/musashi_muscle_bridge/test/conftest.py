@@ -34,7 +34,7 @@ muscles: [up, down]
 velocity_limit: 0.3
 acceleration_limit: 0.5
 tension_min: 1
-tension_max: 100
+tension_max: 50
 tension_limit: 60
 current_limit: 8
 wire_stiffness: 7000

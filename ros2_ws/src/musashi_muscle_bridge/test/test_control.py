@@ -62,6 +62,19 @@ def test_the_length_range_is_the_same_each_time(musashi: Robot) -> None:
     assert np.array_equal(length_range(musashi.model), length_range(musashi.model))
 
 
+def test_the_length_range_of_many_joints_is_sampled_within_the_travel() -> None:
+    class ManyJoints:
+        joint_lower = np.full(38, -1.0)
+        joint_upper = np.full(38, 1.0)
+
+        def lengths(self, joint_position: np.ndarray) -> np.ndarray:
+            return 5.0 + 0.1 * joint_position[:2]
+
+    shortest, longest = length_range(ManyJoints())  # type: ignore[arg-type]  # all it asks for
+    np.testing.assert_allclose(shortest, [4.9, 4.9])
+    np.testing.assert_allclose(longest, [5.1, 5.1])
+
+
 def test_length_limits_leave_room_for_stretch_and_for_elongation(hoist: Robot) -> None:
     limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
     np.testing.assert_allclose(limits.length_min, [0.5 - 60 / 7000, 0.1 - 60 / 7000])
@@ -70,7 +83,7 @@ def test_length_limits_leave_room_for_stretch_and_for_elongation(hoist: Robot) -
 
 def test_the_other_limits_are_the_robots(hoist: Robot) -> None:
     limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
-    assert limits.tension_max.tolist() == [100.0, 100.0]
+    assert limits.tension_max.tolist() == [50.0, 50.0]
     assert limits.current_max.tolist() == [8.0, 8.0]
     assert limits.velocity.tolist() == [0.3, 0.3]
     assert (limits.stream_timeout, limits.max_lease) == (0.1, 0.2)
@@ -139,6 +152,34 @@ def test_clearing_is_asked_for_in_three_frames(control: ControlPeriod, state: St
     control.clear_faults()
     flags = [control.next_command(state, k * PERIOD).clear_faults for k in range(1, 6)]
     assert flags == [True, True, True, False, False]
+
+
+def flags_without_answers(control: ControlPeriod, state: StateFrame, seconds: float) -> list[bool]:
+    """Return which of the following commands ask to clear while only an old state is there."""
+    return [
+        control.next_command(state, k * PERIOD).clear_faults
+        for k in range(1, round(seconds / PERIOD) + 1)
+    ]
+
+
+def test_clearing_is_asked_for_until_it_is_answered(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    flags_without_answers(control, state, 0.1)
+    control.clear_faults()
+    assert all(flags_without_answers(control, state, 0.1))
+    answer = dataclasses.replace(state, sequence=100)
+    assert not control.next_command(answer, 0.11).clear_faults
+
+
+def test_clearing_that_nobody_answers_is_given_up(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    flags_without_answers(control, state, 0.1)
+    control.clear_faults()
+    asked = flags_without_answers(control, state, 1.0)
+    assert sum(asked) == pytest.approx(0.5 / PERIOD, abs=2)
+    assert not any(asked[-200:])
 
 
 def test_clearing_ends_a_fault_that_the_boards_still_report(
@@ -217,6 +258,65 @@ def test_an_answer_with_other_joints_is_refused(control: ControlPeriod, state: S
     joints = np.concatenate([state.joints, state.joints])
     with pytest.raises(FrameError, match=r"^the boards measure 2 joints, expected 1$"):
         control.check(dataclasses.replace(state, joints=joints))
+
+
+# Boards that start again.
+
+
+def booted(state: StateFrame, boots: tuple[int, int], sequence: int = 2) -> StateFrame:
+    rows = state.rows.copy()
+    rows["boots"] = boots
+    return dataclasses.replace(state, rows=rows, sequence=sequence)
+
+
+def test_the_first_boot_number_seen_is_no_fault(control: ControlPeriod, state: StateFrame) -> None:
+    command = control.next_command(booted(state, (7, 9)), PERIOD)
+    assert modes(command) == [Mode.LENGTH] * 2
+    assert not control.rebooted.any()
+
+
+def test_a_board_that_started_again_is_told_zero_current(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(booted(state, (7, 9), 1), PERIOD)
+    command = control.next_command(booted(state, (8, 9), 2), 2 * PERIOD)
+    assert modes(command) == [Mode.ZERO_CURRENT, Mode.LENGTH]
+
+
+def test_a_start_stays_latched_although_the_board_reports_no_fault(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(booted(state, (7, 9), 1), PERIOD)
+    for k in range(2, 200):
+        command = control.next_command(booted(state, (8, 9), k), k * PERIOD)
+    assert modes(command) == [Mode.ZERO_CURRENT, Mode.LENGTH]
+    assert control.rebooted.tolist() == [True, False]
+
+
+def test_after_clearing_a_board_that_started_again_holds_its_measured_length(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(booted(state, (7, 9), 1), PERIOD)
+    control.next_command(booted(state, (8, 9), 2), 2 * PERIOD)
+    control.clear_faults()
+    for k in range(3, 10):
+        command = control.next_command(booted(state, (8, 9), k), k * PERIOD)
+    assert modes(command) == [Mode.LENGTH] * 2
+    assert command.rows["setpoint"].tolist() == [1.0, 1.0]
+    assert not control.rebooted.any()
+
+
+def test_a_start_during_clearing_is_noticed(control: ControlPeriod, state: StateFrame) -> None:
+    control.next_command(booted(state, (7, 9), 1), PERIOD)
+    control.clear_faults()
+    control.next_command(booted(state, (8, 9), 2), 2 * PERIOD)
+    assert control.rebooted.tolist() == [True, False]
+
+
+def test_commands_carry_the_session(hoist: Robot) -> None:
+    limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+    control = ControlPeriod(hoist, limits, WatchdogAction.HOLD_LENGTH, 0.1, session=77)
+    assert control.first_command().session == 77
 
 
 # Outages.

@@ -1,5 +1,6 @@
 """Frames survive the way there and back, and nothing damaged or foreign is taken for one."""
 
+import dataclasses
 import struct
 import zlib
 from collections.abc import Callable
@@ -21,19 +22,21 @@ from musashi_muscle_bridge.protocol import (
     Mode,
     StateFrame,
     WatchdogAction,
+    is_newer,
 )
 
 REFERENCE = Path(__file__).parents[4] / "docs" / "board_protocol.md"
 
 # Header, command header, one row, CRC.
-GOLDEN_COMMAND = "46530101040302010100000001016400030007000000003f0000c843000000417552f60c"
+GOLDEN_COMMAND = "465302010d0c0b0a040302010100000001016400030007000000003f0000c843000000415e00c970"
 # Header, one muscle's row, one joint's row, CRC.
 GOLDEN_STATE = (
-    "465301020403020101000100"
-    "030107000000003f000080be000048430000004000000842"
+    "465302020d0c0b0a0403020101000100"
+    "030107000000003f000080be00004843000000400000084203000201"
     "0000803f000000bf"
-    "cdff949a"
+    "0acbbc5a"
 )
+SESSION = 0x0A0B0C0D
 
 Decode = Callable[[bytes], CommandFrame | StateFrame]
 
@@ -51,12 +54,13 @@ def rows_of(dtype: np.dtype) -> st.SearchStrategy:
 
 def golden_command() -> CommandFrame:
     rows = np.array([(Mode.LENGTH, 0, 7, 0.5, 400.0, 8.0)], COMMAND_ROW)
-    return CommandFrame(0x01020304, rows, WatchdogAction.HOLD_LENGTH, 0.1, clear_faults=True)
+    return CommandFrame(0x01020304, rows, WatchdogAction.HOLD_LENGTH, 0.1, True, SESSION)
 
 
 def golden_state() -> StateFrame:
-    rows = np.array([(Mode.LENGTH, Fault.OVER_TENSION, 7, 0.5, -0.25, 200.0, 2.0, 34.0)], STATE_ROW)
-    return StateFrame(0x01020304, rows, np.array([(1.0, -0.5)], JOINT_ROW))
+    row = (Mode.LENGTH, Fault.OVER_TENSION, 7, 0.5, -0.25, 200.0, 2.0, 34.0, 3, 258)
+    joints = np.array([(1.0, -0.5)], JOINT_ROW)
+    return StateFrame(0x01020304, np.array([row], STATE_ROW), joints, SESSION)
 
 
 def resealed(frame: bytes, offset: int, value: int) -> bytes:
@@ -75,51 +79,48 @@ FRAMES = pytest.mark.parametrize(
 )
 
 
-@given(sequences, rows_of(COMMAND_ROW), actions, timeouts, st.booleans())
-def test_a_command_frame_comes_back_as_it_was_sent(
-    sequence: int, rows: np.ndarray, action: WatchdogAction, timeout: float, clear: bool
-) -> None:
-    back = CommandFrame.decode(CommandFrame(sequence, rows, action, timeout, clear).encode())
-    assert (back.sequence, back.watchdog_action, back.watchdog_timeout, back.clear_faults) == (
-        sequence,
-        action,
-        timeout,
-        clear,
+@given(
+    st.builds(
+        CommandFrame, sequences, rows_of(COMMAND_ROW), actions, timeouts, st.booleans(), sequences
     )
-    assert back.rows.tobytes() == rows.tobytes()
+)
+def test_a_command_frame_comes_back_as_it_was_sent(sent: CommandFrame) -> None:
+    back = CommandFrame.decode(sent.encode())
+    assert dataclasses.replace(back, rows=sent.rows) == sent
+    assert back.rows.tobytes() == sent.rows.tobytes()
 
 
-@given(sequences, rows_of(STATE_ROW), rows_of(JOINT_ROW))
+@given(sequences, rows_of(STATE_ROW), rows_of(JOINT_ROW), sequences)
 def test_a_state_frame_comes_back_as_it_was_sent(
-    sequence: int, rows: np.ndarray, joints: np.ndarray
+    sequence: int, rows: np.ndarray, joints: np.ndarray, session: int
 ) -> None:
-    back = StateFrame.decode(StateFrame(sequence, rows, joints).encode())
-    assert back.sequence == sequence
+    back = StateFrame.decode(StateFrame(sequence, rows, joints, session).encode())
+    assert (back.session, back.sequence) == (session, sequence)
     assert back.rows.tobytes() == rows.tobytes()
     assert back.joints.tobytes() == joints.tobytes()
 
 
-def test_the_bytes_of_a_command_frame_are_those_of_version_1() -> None:
+def test_the_bytes_of_a_command_frame_are_those_of_version_2() -> None:
     assert golden_command().encode().hex() == GOLDEN_COMMAND
 
 
-def test_the_bytes_of_a_state_frame_are_those_of_version_1() -> None:
+def test_the_bytes_of_a_state_frame_are_those_of_version_2() -> None:
     assert golden_state().encode().hex() == GOLDEN_STATE
 
 
 @pytest.mark.parametrize("muscles", [0, 1, 10, 300])
-def test_a_command_frame_has_20_bytes_and_16_for_each_muscle(muscles: int) -> None:
+def test_a_command_frame_has_24_bytes_and_16_for_each_muscle(muscles: int) -> None:
     rows = np.zeros(muscles, COMMAND_ROW)
     frame = CommandFrame(1, rows, WatchdogAction.ZERO_CURRENT, 0.1).encode()
-    assert len(frame) == 20 + 16 * muscles
+    assert len(frame) == 24 + 16 * muscles
 
 
 @pytest.mark.parametrize(("muscles", "joints"), [(0, 0), (10, 5), (300, 2)])
-def test_a_state_frame_has_16_bytes_24_for_each_muscle_and_8_for_each_joint(
+def test_a_state_frame_has_20_bytes_28_for_each_muscle_and_8_for_each_joint(
     muscles: int, joints: int
 ) -> None:
     frame = StateFrame(1, np.zeros(muscles, STATE_ROW), np.zeros(joints, JOINT_ROW)).encode()
-    assert len(frame) == 16 + 24 * muscles + 8 * joints
+    assert len(frame) == 20 + 28 * muscles + 8 * joints
 
 
 @FRAMES
@@ -155,15 +156,15 @@ def test_noise_is_never_a_frame_and_never_another_error(noise: bytes) -> None:
 
 @FRAMES
 def test_a_frame_too_short_for_a_header_says_its_size(frame: bytes, decode: Decode) -> None:
-    with pytest.raises(FrameError, match=r"^frame of 15 bytes is too short$"):
-        decode(frame[:15])
+    with pytest.raises(FrameError, match=r"^frame of 19 bytes is too short$"):
+        decode(frame[:19])
 
 
 @FRAMES
 def test_another_version_is_refused_naming_both(frame: bytes, decode: Decode) -> None:
-    text = r"^frame of protocol version 2, this side speaks 1$"
+    text = r"^frame of protocol version 1, this side speaks 2$"
     with pytest.raises(FrameError, match=text):
-        decode(resealed(frame, 2, 2))
+        decode(resealed(frame, 2, 1))
 
 
 @FRAMES
@@ -184,16 +185,16 @@ def test_a_command_frame_is_no_state() -> None:
 
 def test_a_command_that_counts_more_muscles_than_it_has_is_refused() -> None:
     with pytest.raises(FrameError, match=r"^command frame has 20 bytes of content, not 36$"):
-        CommandFrame.decode(resealed(golden_command().encode(), 8, 2))
+        CommandFrame.decode(resealed(golden_command().encode(), 12, 2))
 
 
 def test_a_state_that_counts_more_joints_than_it_has_is_refused() -> None:
-    with pytest.raises(FrameError, match=r"^state frame has 32 bytes of content, not 40$"):
-        StateFrame.decode(resealed(golden_state().encode(), 10, 2))
+    with pytest.raises(FrameError, match=r"^state frame has 36 bytes of content, not 44$"):
+        StateFrame.decode(resealed(golden_state().encode(), 14, 2))
 
 
 def test_a_command_without_its_own_header_is_refused() -> None:
-    content = bytes.fromhex("465301010100000000000000")
+    content = bytes.fromhex("46530201010000000100000000000000")
     frame = content + struct.pack("<I", zlib.crc32(content))
     with pytest.raises(FrameError, match=r"^command frame has 0 bytes of content, not 4$"):
         CommandFrame.decode(frame)
@@ -201,7 +202,21 @@ def test_a_command_without_its_own_header_is_refused() -> None:
 
 def test_an_unknown_watchdog_action_is_refused() -> None:
     with pytest.raises(FrameError, match=r"^unknown watchdog action 9$"):
-        CommandFrame.decode(resealed(golden_command().encode(), 12, 9))
+        CommandFrame.decode(resealed(golden_command().encode(), 16, 9))
+
+
+@given(sequences, st.integers(1, 2**31 - 1))
+def test_a_sequence_number_is_newer_than_those_before_it_across_the_wrap(
+    than: int, ahead: int
+) -> None:
+    later = (than + ahead) % 2**32
+    assert is_newer(later, than)
+    assert not is_newer(than, later)
+
+
+@given(sequences)
+def test_no_sequence_number_is_newer_than_itself(sequence: int) -> None:
+    assert not is_newer(sequence, sequence)
 
 
 def test_a_decoded_frame_cannot_be_changed() -> None:
