@@ -8,7 +8,15 @@ import pytest
 
 import fastswing_planner
 
-WITH_ROS = ("client", "error_code", "message_definition", "plan_command", "robot_path")
+WITH_ROS = (
+    "client",
+    "error_code",
+    "executor_links",
+    "message_definition",
+    "plan_command",
+    "robot_path",
+    "swing_goal",
+)
 PROGRAM = """
 import importlib, sys
 for package in sys.argv[2].split():
