@@ -455,3 +455,8 @@ def test_w2_is_in_the_order_of_the_named_joints(musashi: Robot) -> None:
     expected = plan(musashi, swing_weight=diagonal).trajectory.joint_position
     np.testing.assert_allclose(found.trajectory.joint_position, expected, rtol=0.0, atol=1e-9)
     assert not np.allclose(expected[1], plan(musashi).trajectory.joint_position[1], atol=1e-5)
+
+
+def test_a_swing_of_fine_steps_takes_as_long(musashi: Robot) -> None:
+    fine = plan(musashi, settings=SwingSettings(time_step=1e-3, max_steps=2000))
+    assert fine.time_cost == pytest.approx(0.99, abs=0.03)
