@@ -38,6 +38,10 @@ BRIDGE = {"control_rate": 200.0, "watchdog_timeout": 1.0}
 INHIBITOR_LIMIT_SEC = 3.0 + 0.05 + 1.0
 """The executor's swing_limit, with which it arms the inhibitor, the lease, and a busy machine."""
 SETTLED_SEC = 6.0
+GOAL_LIFESPAN_SEC = 1.0
+"""As in host_view.py."""
+LATE_SEC = 5.0
+"""In which an unlimited goal arrives after all, once the cable is back."""
 STILL = 0.02
 """[rad] by which a held arm may move."""
 
@@ -189,6 +193,8 @@ class Outage:
     on_task: list[dict[str, Any]]
     cut_at: float
     swing_after: list[Any]
+    late_goal: dict[str, Any]
+    """What the task code saw of a goal that it sent during a short outage, some time after."""
     running_after: dict[str, bool]
     exit_codes: dict[str, int]
 
@@ -207,6 +213,18 @@ def forgotten(robot_sees: dict[str, Any], task_sees: dict[str, Any], executor_on
     )
 
 
+def send_a_goal_into_an_outage(laboratory: Laboratory) -> dict[str, Any]:
+    """Return what the task code sees of it after the cable is back."""
+    laboratory.hosts.cut()
+    laboratory.task.send("swing BASIC")
+    time.sleep(GOAL_LIFESPAN_SEC + 3.0)
+    laboratory.hosts.heal()
+    states = laboratory.task.last["states"]
+    laboratory.task.until("fresh states", lambda now: now["states"] > states)
+    time.sleep(LATE_SEC)
+    return laboratory.task.last
+
+
 def carry_out(laboratory: Laboratory) -> Outage:
     """Let it happen."""
     robot, task = laboratory.robot, laboratory.task
@@ -222,6 +240,7 @@ def carry_out(laboratory: Laboratory) -> Outage:
     laboratory.hosts.heal()
     task.until("fresh states", lambda now: now["states"] > on_task[-1]["states"])
     swing_after = laboratory.swing_until_success()
+    late_goal = send_a_goal_into_an_outage(laboratory)
     running = {process.name: process.running for process in laboratory.processes}
     return Outage(
         laboratory.executor_on,
@@ -230,6 +249,7 @@ def carry_out(laboratory: Laboratory) -> Outage:
         on_task,
         cut_at,
         swing_after,
+        late_goal,
         running,
         laboratory.close(),
     )
@@ -316,6 +336,11 @@ def test_of_an_executor_beside_the_bridge_the_task_code_hears_nothing(outage: Ou
 
 def test_with_the_cable_back_the_next_swing_works(outage: Outage) -> None:
     assert outage.swing_after == [ErrorCode.SUCCESS, ""]
+
+
+def test_a_goal_that_expired_on_its_way_moves_nothing(outage: Outage) -> None:
+    only(outage, executor_on="robot")
+    assert outage.late_goal["phase"] == -1
 
 
 def test_no_node_ended_meanwhile(outage: Outage) -> None:
