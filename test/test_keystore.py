@@ -114,6 +114,16 @@ def test_every_node_of_the_suite_has_an_enclave() -> None:
     assert {policy.node for policy in NODES} <= set(ENCLAVES)
 
 
+@pytest.mark.parametrize("name", ["mock.launch.xml", "robot.launch.xml"])
+def test_a_launch_file_starts_each_node_in_its_own_enclave(name: str) -> None:
+    launch = ROOT / "ros2_ws/src/musashi_muscle_bridge/launch" / name
+    nodes = list(ElementTree.parse(launch).getroot().iter("node"))
+    assert nodes
+    for node in nodes:
+        assert node.attrib["exec"] in ENCLAVES
+        assert node.attrib["ros_args"] == f"--enclave $(var enclave)/{node.attrib['exec']}"
+
+
 def test_two_keystores_have_the_same_files(store: Path, tmp_path: Path) -> None:
     make_keystore(tmp_path / "again", KeystoreRequest(NAMESPACES, DOMAIN, DAYS))
     assert files_of(tmp_path / "again") == files_of(store)
