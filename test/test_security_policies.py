@@ -72,22 +72,25 @@ class Observer:
             domain_id=domain,
             signal_handler_options=SignalHandlerOptions.NO,
         )
-        self.node = self.join("_ros2cli_1", enable_rosout=False, start_parameter_services=False)
         self._joined: list[Node] = []
+        self.node = self.join("_ros2cli_1", enable_rosout=False, start_parameter_services=False)
 
     def join(self, name: str, **options: bool) -> Node:
         """Return another node of this process."""
-        return Node(
+        node = Node(
             name,
             namespace=NAMESPACE,
             context=self._context,
             use_global_arguments=False,
             **options,
         )
+        self._joined.append(node)
+        return node
 
     def close(self) -> None:
         """Leave the domain."""
-        self.node.destroy_node()
+        for node in self._joined:
+            node.destroy_node()
         rclpy.shutdown(context=self._context)
 
     def opened(self, node: str) -> Access:
@@ -250,32 +253,34 @@ def test_the_planner_client_opens_exactly_what_the_table_says(
         assert observer.settled(PLANNER_CLIENT.node, permitted) == permitted
 
 
-def connect_task(node: Node) -> None:
-    """Open what the table lets task code open."""
+def connect_task(node: Node) -> ActionClient:
+    """Open what the table lets task code open; return what would vanish if nobody kept it."""
     for name in (*WATCHED, "/diagnostics"):
         kind = message_class(TYPES[name.lstrip("/")])
         node.create_subscription(kind, name, lambda _message: None, 1)
     for name in ("emergency_stop", "hold_posture"):
         node.create_client(Trigger, name)
     node.create_client(PlanSwing, "plan_swing")
-    ActionClient(node, ExecuteSwing, "execute_swing")
+    return ActionClient(node, ExecuteSwing, "execute_swing")
 
 
 def test_task_code_that_watches_plans_and_swings_stays_within_the_table(
     observer: Observer,
 ) -> None:
-    connect_task(observer.join("task"))
+    swings = connect_task(observer.join("task"))
     permitted = access_of(TASK, NAMESPACE)
     assert observer.settled("task", permitted) == permitted
+    swings.destroy()
 
 
 def test_a_publisher_beyond_the_table_is_noticed(observer: Observer) -> None:
     task = observer.join("task")
-    connect_task(task)
+    swings = connect_task(task)
     task.create_publisher(LengthCommand, "length_command", 1)
     permitted = access_of(TASK, NAMESPACE)
     opened = observer.settled("task", permitted)
     assert opened.publish - permitted.publish == {"rt/left/length_command"}
+    swings.destroy()
 
 
 # What the table says, without a node.

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 
 _PR_SET_PDEATHSIG = 1
 _READY_SEC = 10.0
@@ -51,8 +52,9 @@ class Host:
             if self._sleeper.poll() is not None:
                 assert self._sleeper.stderr is not None
                 raise NotPossible(self._sleeper.stderr.read().strip())
-            if os.readlink(self.network) != ours:
-                return
+            with suppress(OSError):  # it may just have ended
+                if os.readlink(self.network) != ours:
+                    return
             time.sleep(0.01)
         raise NotPossible("unshare made no network namespace")
 
