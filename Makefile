@@ -1,6 +1,6 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo fit test build setup lint clean
+.PHONY: help demo fit security test build setup lint clean
 
 help:
 	@printf '%s\n' \
@@ -8,8 +8,9 @@ help:
 	  'make test    all tests; make test ARGS="-k ramp" for some of them' \
 	  'make lint    ruff, ruff format and mypy' \
 	  'make fit     fit the arm model to the paper again (minutes); results in out/fit' \
-	  'make build   set up and build the workspace; the commands above do it by themselves' \
-	  'make clean   remove everything that these commands made' \
+	  'make security  make keys for authenticated and encrypted ROS; results in keystore' \
+  'make build   set up and build the workspace; the commands above do it by themselves' \
+	  'make clean   remove everything that these commands made, but no keystore' \
 	  '' \
 	  'In a shell of your own: source scripts/ros_env.bash'
 
@@ -18,6 +19,9 @@ demo: build
 
 fit: build
 	@scripts/ros_env python fit/kinematic_fit.py $(ARGS)
+
+security: setup
+	@.venv/bin/python security/make_keystore.py $(ARGS)
 
 test: build
 	@scripts/ros_env python -m pytest $(ARGS)

@@ -69,13 +69,19 @@ class Process:
         parameters: Mapping[str, object],
         environment: Mapping[str, str],
         log: Path,
+        ros_arguments: Sequence[str] = (),
+        prefix: Sequence[str] = (),
     ) -> None:
-        """Start `ros2 run PACKAGE NAME` with parameters, out of reach of the terminal's Ctrl-C."""
+        """Start `ros2 run PACKAGE NAME` with parameters, out of reach of the terminal's Ctrl-C.
+
+        ros_arguments  more of what follows --ros-args, such as -r __ns:=/left
+        prefix         a command that becomes the node, such as nsenter
+        """
         self.name = name
         self.log = log
-        arguments = [str(executable(package, name))]
-        if parameters:
-            arguments.append("--ros-args")
+        arguments = [*prefix, str(executable(package, name))]
+        if parameters or ros_arguments:
+            arguments += ["--ros-args", *ros_arguments]
         for key, value in parameters.items():
             arguments += ["-p", f"{key}:={value}"]
         with log.open("w") as output:

@@ -71,3 +71,14 @@ def test_a_missing_robot_description_ends_the_node_with_2(
     assert process.wait(END_SEC) == 2
     (line,) = process.log.read_text().splitlines()
     assert str(missing) in line
+
+
+def test_a_request_to_arm_the_inhibitor_expires_on_its_way(world: "Suite") -> None:
+    world.start_active("swing_executor")
+
+    def lifespans() -> list[int]:
+        writers = world.node.get_publishers_info_by_topic("rq/arm_inhibitorRequest", True)
+        return [writer.qos_profile.lifespan.nanoseconds for writer in writers]
+
+    world.until("the executor's client", lambda: len(lifespans()) == 1)
+    assert lifespans() == [1_000_000_000]

@@ -2,12 +2,16 @@
 
 from builtin_interfaces.msg import Time
 from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_srvs.srv import Trigger
 
 from fastswing_msgs.msg import LengthCommand, SwingPlan
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
+
+# Requests are reliable: one sent while the network is out would arm seconds later, with no swing.
+_ARM_LIFESPAN_SEC = 1.0
 
 
 class ExecutorLinks:
@@ -27,7 +31,12 @@ class ExecutorLinks:
         self.lengths = node.create_publisher(LengthCommand, "length_command", 10)
         self.plan = node.create_publisher(SwingPlan, "swing_plan", latched)
         self.planner = node.create_client(PlanSwing, "plan_swing", callback_group=group)
-        self.arm = node.create_client(ArmInhibitor, "arm_inhibitor", callback_group=group)
+        self.arm = node.create_client(
+            ArmInhibitor,
+            "arm_inhibitor",
+            qos_profile=QoSProfile(depth=10, lifespan=Duration(seconds=_ARM_LIFESPAN_SEC)),
+            callback_group=group,
+        )
         self.disarm = node.create_client(Trigger, "disarm_inhibitor", callback_group=group)
         self.hold = node.create_client(Trigger, "hold_posture", callback_group=group)
 

@@ -258,8 +258,6 @@ def spin(node: ManagedNode, stop: Future) -> None:
 
 def run(node_class: Callable[[], ManagedNode]) -> int:
     """Run a node until SIGINT or SIGTERM; returns 0, or 2 if it could not start."""
-    # The context must outlive the signal, so that a node can publish its last word.
-    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     stop = Future()
 
     def on_signal(_signal: int, _frame: FrameType | None) -> None:
@@ -269,10 +267,12 @@ def run(node_class: Callable[[], ManagedNode]) -> int:
     signal.signal(signal.SIGINT, on_signal)
     signal.signal(signal.SIGTERM, on_signal)
     try:
+        # The context must outlive the signal, so that a node can publish its last word.
+        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = node_class()
     except Exception as error:
         print(f"cannot start: {error}", file=sys.stderr)
-        rclpy.shutdown()
+        rclpy.try_shutdown()
         return 2
     started = node.autostart()
     if started:
