@@ -4,13 +4,13 @@
 
 help:
 	@printf '%s\n' \
-	  'make demo    swing the arm three ways through real ROS 2 nodes; results in out/demo' \
-	  'make test    all tests; make test ARGS="-k ramp" for some of them' \
-	  'make lint    ruff, ruff format and mypy' \
-	  'make fit     fit the arm model to the paper again (minutes); results in out/fit' \
+	  'make demo      swing the arm three ways through real ROS 2 nodes; results in out/demo' \
+	  'make test      all tests; make test ARGS="-k ramp" for some of them' \
+	  'make lint      ruff, ruff format and mypy' \
+	  'make fit       fit the arm model to the paper again (minutes); results in out/fit' \
 	  'make security  make keys for authenticated and encrypted ROS; results in keystore' \
-  'make build   set up and build the workspace; the commands above do it by themselves' \
-	  'make clean   remove everything that these commands made, but no keystore' \
+	  'make build     set up and build the workspace; the commands above do it by themselves' \
+	  'make clean     remove everything that these commands made, but no keystore' \
 	  '' \
 	  'In a shell of your own: source scripts/ros_env.bash'
 

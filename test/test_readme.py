@@ -116,7 +116,8 @@ def test_the_table_of_topics_names_every_recorded_topic_with_its_type() -> None:
 
 
 def test_every_topic_is_published_or_subscribed_by_a_node() -> None:
-    sources = "\n".join(text for name, text in NODE_SOURCES.items() if name != "record")
+    links = (ROOT / "ros2_ws/src/fastswing_planner/fastswing_planner/executor_links.py").read_text()
+    sources = "\n".join([links, *(t for name, t in NODE_SOURCES.items() if name != "record")])
     for topic, kind, _, _ in table("topic"):
         assert f'"{code(topic)}"' in sources
         assert interface(code(kind), "msg")
