@@ -53,6 +53,7 @@ class MujocoMuscleModel:
                 raise RobotDescriptionError(f"joint '{name}' is not a hinge or slide joint")
         self._qpos_index = model.jnt_qposadr[joints]
         self._dof_index = model.jnt_dofadr[joints]
+        self._chosen_entries = np.ix_(self._tendons, self._dof_index)
         limited = model.jnt_limited[joints].astype(bool)
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
@@ -73,7 +74,7 @@ class MujocoMuscleModel:
         self._update(joint_position)
         mujoco.mj_tendon(self._model, self._data)
         dense = tendon_jacobian(self._model, self._data)
-        return frozen(dense[np.ix_(self._tendons, self._dof_index)])
+        return frozen(dense[self._chosen_entries])
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

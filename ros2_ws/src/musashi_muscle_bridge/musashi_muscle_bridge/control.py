@@ -10,7 +10,7 @@ import numpy as np
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.robot import Robot
-from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits
+from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits, Setpoints
 from musashi_muscle_bridge.errors import FrameError
 from musashi_muscle_bridge.protocol import (
     COMMAND_ROW,
@@ -22,6 +22,7 @@ from musashi_muscle_bridge.protocol import (
 )
 
 _CLEAR_FRAMES = 3
+_NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
 
 
 def length_range(model: MuscleModel, count: int = 400) -> tuple[Vector, Vector]:
@@ -73,10 +74,13 @@ class ControlPeriod:
         self._watchdog_action = watchdog_action
         self._watchdog_timeout = watchdog_timeout
         self._ids: Sequence[int] = range(len(robot.model.muscle_names))
+        self._nothing = np.zeros(len(self._ids), dtype=bool)
+        self._healthy = bytes([_NO_FAULT] * len(self._ids))
         self._rows = np.zeros(len(self._ids), dtype=COMMAND_ROW)
         self._rows["id"] = self._ids
         self._rows["tension_limit"] = robot.tension_limit
         self._rows["current_limit"] = robot.current_limit
+        self._setpoints: Setpoints | None = None  # those that stand in the rows
         self._sequence = 0
         self._clear_frames = 0
         self._cleared_from: int | None = None  # the first frame that asked to clear
@@ -107,23 +111,28 @@ class ControlPeriod:
         """Return a command that moves nothing and asks for the state."""
         self._rows["mode"] = Mode.ZERO_CURRENT
         self._rows["setpoint"] = 0.0
+        self._setpoints = None
         return self._frame()
 
     def next_command(self, state: StateFrame, now: float) -> CommandFrame:
         """Return the command that follows `state`, at the monotonic time `now` [s]."""
         self._notice_outage(state.sequence, now)
         if self._answers_before_clearing(state.sequence):
-            faulty = np.zeros(len(self._ids), dtype=bool)
+            faulty = self._nothing
         else:
-            faulty = state.rows["fault"] != Fault.NONE
+            fault = state.rows["fault"]
+            healthy = fault.tobytes() == self._healthy
+            faulty = self._nothing if healthy else fault != _NO_FAULT
         setpoints = self.arbiter.update(
             now,
-            state.rows["length"].astype(float),
-            state.rows["tension"].astype(float),
+            state.rows["length"],
+            state.rows["tension"],
             faulty,
         )
-        self._rows["mode"] = setpoints.mode
-        self._rows["setpoint"] = setpoints.value
+        if setpoints is not self._setpoints:
+            self._setpoints = setpoints
+            self._rows["mode"] = setpoints.mode
+            self._rows["setpoint"] = setpoints.value
         return self._frame()
 
     def _notice_outage(self, sequence: int, now: float) -> None:
@@ -148,6 +157,7 @@ class ControlPeriod:
         self._sequence = (self._sequence + 1) % 2**32
         clear = self._clear_frames > 0
         self._clear_frames = max(self._clear_frames - 1, 0)
+        rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)  # much faster than a copy
         return CommandFrame(
-            self._sequence, self._rows.copy(), self._watchdog_action, self._watchdog_timeout, clear
+            self._sequence, rows, self._watchdog_action, self._watchdog_timeout, clear
         )

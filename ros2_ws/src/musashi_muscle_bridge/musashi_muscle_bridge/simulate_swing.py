@@ -42,7 +42,7 @@ def main() -> int:
         "--robot", default=ROBOT_DESCRIPTION.default, help="YAML file of the robot, or package://"
     )
     parser.add_argument("--method", choices=[method.name.lower() for method in Method])
-    parser.add_argument("--rate", type=float, default=500.0, help="control rate [Hz]")
+    parser.add_argument("--rate", type=float, default=1000.0, help="control rate [Hz]")
     arguments = parser.parse_args()
     methods = [Method[arguments.method.upper()]] if arguments.method else list(Method)
     try:
