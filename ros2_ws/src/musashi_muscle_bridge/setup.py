@@ -29,6 +29,7 @@ setup(
             "bridge = musashi_muscle_bridge.bridge_node:main",
             "mock_driver = musashi_muscle_bridge.mock_driver_node:main",
             "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
+            "view_swing = musashi_muscle_bridge.view_swing:main",
         ],
         "musashi_muscle_bridge.buses": ["udp = musashi_muscle_bridge.udp_bus:UdpBus"],
     },
