@@ -8,7 +8,7 @@ help:
 	  'make view    swing the arm in a window of MuJoCo (needs a screen)' \
   'make test    all tests; make test ARGS="-k ramp" for some of them' \
 	  'make lint    ruff, ruff format and mypy' \
-	  'make fit     fit the arm model to the paper again (half an hour); results in out/fit' \
+	  'make fit     fit the arm model to the paper again (minutes); results in out/fit' \
 	  'make build   set up and build the workspace; the commands above do it by themselves' \
 	  'make clean   remove everything that these commands made' \
 	  '' \
@@ -22,6 +22,7 @@ view: build
 
 fit: build
 	@scripts/ros_env python fit/kinematic_fit.py $(ARGS)
+	@scripts/ros_env python fit/plant_fit.py $(ARGS)
 
 test: build
 	@scripts/ros_env python -m pytest $(ARGS)

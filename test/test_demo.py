@@ -16,6 +16,14 @@ from matplotlib.image import imread
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from fastswing_planner.figures import SwingFigures
+from fastswing_planner.managed_node import ROBOT_DESCRIPTION, resolve_path
+from fastswing_planner.plan import Method, SwingPlanner, SwingRequest
+from fastswing_planner.qp import ProxSuiteSolver
+from fastswing_planner.robot import load_robot
+from fastswing_planner.swing_execution import ExecutionSettings
+from musashi_muscle_bridge.closed_loop import ClosedLoop
+
 pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[1]
@@ -24,6 +32,9 @@ METHODS = ["basic", "method_1", "method_2"]
 MASKED = {"basic": [], "method_1": ["#2", "#3", "#9", "#10"], "method_2": ["#9"]}
 PREDICTED_SPEED = {"basic": 2.4, "method_2": 3.3, "method_1": 4.4}
 MEASURED_SPEED = {"basic": 2.6, "method_2": 3.4, "method_1": 3.7}
+MEASURED_TENSION = {"basic": 290.0, "method_2": 140.0, "method_1": 180.0}
+PLANNED = {"basic": Method.BASIC, "method_1": Method.INHIBIT, "method_2": Method.ELONGATE}
+ELBOW = 3
 FIGURES = {
     "peak_elbow_pitch_velocity_rad_s",
     "time_cost_s",
@@ -169,6 +180,36 @@ def test_the_predicted_speed_is_the_papers(finished: Finished, method: str) -> N
 def test_the_measured_speed_is_near_the_papers_robot(finished: Finished, method: str) -> None:
     speed = figures(finished, method, "measured")["peak_elbow_pitch_velocity_rad_s"]
     assert speed == pytest.approx(MEASURED_SPEED[method], rel=0.25)
+
+
+@pytest.fixture(scope="module")
+def headless() -> dict[str, SwingFigures]:
+    """Swing without ROS, at the rates of the nodes."""
+    robot = load_robot(resolve_path(ROBOT_DESCRIPTION.default))
+    planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
+    start, end = robot.postures["start"], robot.postures["end"]
+    return {
+        name: ClosedLoop(robot, planner, rate=500.0, executor_rate=100.0).run(
+            planner.plan(SwingRequest(start, end, method)), ExecutionSettings()
+        )
+        for name, method in PLANNED.items()
+    }
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_loop_without_ros_reaches_the_same_elbow_speed(
+    finished: Finished, headless: dict[str, SwingFigures], method: str
+) -> None:
+    speed = figures(finished, method, "measured")["peak_elbow_pitch_velocity_rad_s"]
+    assert headless[method].peak_joint_velocity[ELBOW] == pytest.approx(speed, rel=0.03)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_loop_without_ros_reaches_the_same_tension(
+    finished: Finished, headless: dict[str, SwingFigures], method: str
+) -> None:
+    tension = figures(finished, method, "measured")["max_tension_n"]
+    assert headless[method].peak_tension.max() == pytest.approx(tension, rel=0.03)
 
 
 def test_method_2_is_faster_than_basic_and_method_1_faster_still(finished: Finished) -> None:

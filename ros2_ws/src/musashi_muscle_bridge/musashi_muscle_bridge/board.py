@@ -5,6 +5,7 @@ import numpy as np
 from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.plant import Drive, Plant
+from musashi_muscle_bridge.plant_constants import plant_constants
 from musashi_muscle_bridge.protocol import (
     JOINT_ROW,
     STATE_ROW,
@@ -16,7 +17,6 @@ from musashi_muscle_bridge.protocol import (
     WatchdogAction,
 )
 
-_LENGTH_GAIN = 77.0  # [1/s] payout speed for each metre of length error
 _TENSION_GAIN = 0.01  # [m/s/N]
 _OVER_TENSION_FACTOR = 1.5  # of the tension limit, above which a board gives up
 # Plain numbers: numpy compares with them much faster than with an enumeration's members.
@@ -31,6 +31,7 @@ class Boards:
         """Start at zero current."""
         self.plant = Plant(robot)
         count = self.plant.length.size
+        self._length_gain = plant_constants(robot.plant).length_gain
         self._ids = np.arange(count, dtype="<u2")
         self._id_bytes = self._ids.tobytes()
         self._mode = np.full(count, Mode.ZERO_CURRENT, dtype=np.uint8)
@@ -139,7 +140,7 @@ class Boards:
 
     def _drive(self, over: BoolVector | None) -> Drive:
         """Return what the motors do; `over`: whose tension is above the limit, None for nobody."""
-        velocity: Vector = (self._setpoint - self.plant.length) * _LENGTH_GAIN
+        velocity: Vector = (self._setpoint - self.plant.length) * self._length_gain
         if self._some_in_tension:
             to_tension = _TENSION_GAIN * (self.plant.tension - self._setpoint)
             velocity = np.where(self._in_tension, to_tension, velocity)

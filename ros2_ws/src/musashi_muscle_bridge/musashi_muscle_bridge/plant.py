@@ -54,7 +54,7 @@ class Plant:
         )
         self._velocity_limit = robot.limits.velocity
         self._stiffness = robot.wire_stiffness
-        self._droop = robot.limits.velocity / self._constants.stall_force  # [m/s/N]
+        self._slowest = -robot.limits.velocity
         self._max_pull = robot.current_limit * self._constants.force_per_current
         self.time_step = float(self._mjcf.opt.timestep)
         self._ramp_gain = robot.limits.acceleration * self.time_step  # [m/s]
@@ -71,6 +71,7 @@ class Plant:
         count = len(robot.model.muscle_names)
         self._winch = self._path_length[self._tendons].copy()
         self._winch_velocity = np.zeros(count)
+        self._asked = np.zeros(count)  # [m/s] the ramped speed that the driven winches are to have
         self._tension = np.zeros(count)
         self._current = np.zeros(count)
         self.wire_broken = np.zeros(count, dtype=bool)
@@ -130,15 +131,14 @@ class Plant:
         driven = np.count_nonzero(drive.driven)
         if driven == self._winch.size:
             velocity, current = self._driven(drive)
-        elif driven == 0:
-            velocity, current = self._back_driven(drive)
         else:
-            (one, one_current), (other, other_current) = (
-                self._driven(drive),
-                self._back_driven(drive),
-            )
-            velocity = np.where(drive.driven, one, other)
-            current = np.where(drive.driven, one_current, other_current)
+            velocity, current = self._back_driven(drive)
+            if driven:
+                driven_velocity, driven_current = self._driven(drive)
+                velocity = np.where(drive.driven, driven_velocity, velocity)
+                current = np.where(drive.driven, driven_current, current)
+            # A winch that is driven again begins at the speed that it has.
+            self._asked = np.where(drive.driven, self._asked, velocity)
         velocity.setflags(write=False)
         current.setflags(write=False)
         self._winch_velocity, self._current = velocity, current
@@ -166,15 +166,15 @@ class Plant:
         np.negative(tension.dot(self._jacobian[self._tendons]), out=self._torque)
 
     def _driven(self, drive: Drive) -> tuple[Vector, Vector]:
-        # The harder the pull, the slower a winch winds in; at the current limit it stalls.
-        fastest = np.minimum(self._tension * self._droop - self._velocity_limit, 0.0)
+        low, high = ramp_bounds(self._asked, self._ramp_gain, self._slowest, self._velocity_limit)
+        self._asked = np.minimum(np.maximum(drive.velocity, low), high)
+        # Winding in, a winch falls behind the more it has to pull, down to standing still.
+        share = (self._tension / self._constants.stall_force) ** self._constants.stall_exponent
+        behind = self._asked * np.maximum(1.0 - share, 0.0)
+        velocity = np.maximum(self._asked, np.minimum(behind, 0.0))
         stalled = self._tension >= self._max_pull
         if np.count_nonzero(stalled):
-            fastest = np.where(stalled, 0.0, fastest)
-        low, high = ramp_bounds(
-            self._winch_velocity, self._ramp_gain, fastest, self._velocity_limit
-        )
-        velocity = np.minimum(np.maximum(drive.velocity, low), high)
+            velocity = np.where(stalled, np.maximum(velocity, 0.0), velocity)
         pull = np.minimum(self._tension, self._max_pull)
         return velocity, pull / self._constants.force_per_current
 

@@ -20,8 +20,10 @@ class PlantConstants:
     winch_friction      [N] Coulomb friction of the gear at the wire, felt when back-driven
     winch_damping       [N s/m] viscous part of it
     force_per_current   [N/A] pull at the wire for each ampere
-    stall_force         [N] at which the low-gain speed control stands still: the speed of
-                        winding in falls linearly to zero there; the current limit may come first
+    stall_force         [N] at which a winch that is asked to wind in stands still: of the speed
+                        asked for, it reaches 1 - (pull / stall_force)^stall_exponent
+    stall_exponent      of that law; 1 is a straight torque-speed line
+    length_gain         [1/s] of the boards' length control: payout speed for each metre of error
     winding_resistance  [ohm] of a motor, at ambient temperature
     winding_heat_capacity, housing_heat_capacity        [J/K]
     winding_thermal_resistance                          [K/W] from winding to housing
@@ -38,7 +40,9 @@ class PlantConstants:
     winch_friction: float = 10.0
     winch_damping: float = 40.0
     force_per_current: float = 50.0
-    stall_force: float = 1e6
+    stall_force: float = float("inf")
+    stall_exponent: float = 1.0
+    length_gain: float = 77.0
     winding_resistance: float = 0.4
     winding_heat_capacity: float = 6.0
     housing_heat_capacity: float = 60.0
