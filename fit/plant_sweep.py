@@ -72,9 +72,15 @@ def _sentence(robot: Robot, inhibit: Matrix, elongate: float) -> str:
     friction = _crossing(FRICTION, inhibit[row], elongate)
     mass = _crossing(MASS, inhibit[:, column], elongate)
     return (
-        f"Method 2 ({elongate:.2f} rad/s) overtakes Method 1 at {friction:.0f} N of friction with "
-        f"{MASS[row]:g} kg, or at {mass:.0f} kg with {FRICTION[column]:g} N"
+        f"Method 2 ({elongate:.2f} rad/s) overtakes Method 1 at "
+        f"{_said(friction, FRICTION, 'N')} of friction (inertia {MASS[row]:g} kg), "
+        f"and at {_said(mass, MASS, 'kg')} of inertia "
+        f"(friction {FRICTION[column]:g} N)"
     )
+
+
+def _said(place: float, places: NDArray[np.float64], unit: str) -> str:
+    return f"more than {places[-1]:g} {unit}" if np.isnan(place) else f"{place:.0f} {unit}"
 
 
 def _crossing(places: NDArray[np.float64], speeds: NDArray[np.float64], level: float) -> float:

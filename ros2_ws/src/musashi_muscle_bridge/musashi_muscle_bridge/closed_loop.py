@@ -3,6 +3,7 @@
 The same objects as in the nodes, without ROS: deterministic and faster than real time.
 """
 
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -47,8 +48,15 @@ class ClosedLoop:
         planner: SwingPlanner,
         rate: float = 1000.0,
         executor_rate: float = 100.0,
+        inhibition_delay: float = 0.004,
     ) -> None:
-        """Rate [Hz] is that of the control period, executor_rate [Hz] that of its orders."""
+        """Compose the loop.
+
+        rate              [Hz] of the control period
+        executor_rate     [Hz] of the executor's orders
+        inhibition_delay  [s] from a joint state to the override that follows from it; through ROS
+                          it travels to the inhibitor and back
+        """
         self._robot = robot
         self._planner = planner
         self._period = 1.0 / rate
@@ -59,6 +67,7 @@ class ClosedLoop:
         )
         self._inhibition = Inhibition(robot.model, robot.limits.velocity, InhibitionSettings())
         self._healthy = bytes([_NO_FAULT] * len(robot.model.muscle_names))
+        self._overrides: deque[list[int]] = deque([[]] * round(inhibition_delay * rate))
         self._now = 0.0
         self._state = self.boards.handle(self.control.first_command())
         self.samples: list[Sample] = []
@@ -124,10 +133,12 @@ class ClosedLoop:
         return tuple(self._robot.model.muscle_names[i] for i in np.flatnonzero(chosen))
 
     def _inhibit(self, joints: JointMeasurement) -> None:
+        inhibited: list[int] = []
         if self._inhibition.armed:
             decision = self._inhibition.decide(joints)
-            inhibited = [int(i) for i in np.flatnonzero(decision.inhibited)]
-            self.control.arbiter.override(inhibited, 0.05, self._now)
+            inhibited = np.flatnonzero(decision.inhibited).tolist()
+        self._overrides.append(inhibited)
+        self.control.arbiter.override(self._overrides.popleft(), 0.05, self._now)
 
     def _carry_out(self, orders: Orders, execution: SwingExecution, plan: SwingPlan) -> None:
         if orders.lengths is not None:
