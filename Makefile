@@ -1,13 +1,14 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo fit security test build setup lint clean
+.PHONY: help demo view fit security test build setup lint clean
 
 help:
 	@printf '%s\n' \
 	  'make demo      swing the arm three ways through real ROS 2 nodes; results in out/demo' \
+	  'make view      swing the arm in a window of MuJoCo; needs a screen' \
 	  'make test      all tests; make test ARGS="-k ramp" for some of them' \
 	  'make lint      ruff, ruff format and mypy' \
-	  'make fit       fit the arm model to the paper again (minutes); results in out/fit' \
+	  'make fit       fit arm and emulated winches to the paper again; results in out/fit' \
 	  'make security  make keys for authenticated and encrypted ROS; results in keystore' \
 	  'make build     set up and build the workspace; the commands above do it by themselves' \
 	  'make clean     remove everything that these commands made, but no keystore' \
@@ -17,8 +18,12 @@ help:
 demo: build
 	@scripts/ros_env python demo/run_demo.py $(ARGS)
 
+view: build
+	@scripts/ros_env ros2_ws/install/musashi_muscle_bridge/lib/musashi_muscle_bridge/view_swing $(ARGS)
+
 fit: build
 	@scripts/ros_env python fit/kinematic_fit.py $(ARGS)
+	@scripts/ros_env python fit/plant_fit.py $(ARGS)
 
 security: setup
 	@.venv/bin/python security/make_keystore.py $(ARGS)

@@ -4,6 +4,7 @@ After N. Hansen, "The CMA Evolution Strategy: A Tutorial" (2016). A generation's
 depend on the seed and its number only, so a resumed run equals an uninterrupted one.
 """
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -111,6 +112,31 @@ def next_generation(state: Evolution, cost: Callable[[Vector], float], seed: int
         best = candidates[order[0]]
         return replace(moved, best=best, best_cost=float(costs[order[0]]))
     return moved
+
+
+def evolve(
+    cost: Callable[[Vector], float],
+    first: Evolution,
+    state_file: Path,
+    seed: int,
+    generations: int,
+) -> Evolution:
+    """Run up to `generations` generations, saving and showing each; go on from a saved state."""
+    state = Evolution.load(state_file) if state_file.exists() else first
+    began, begun_at = time.monotonic(), state.generation
+    while state.generation < generations:
+        state = next_generation(state, cost, seed)
+        state.save(state_file)
+        per_generation = (time.monotonic() - began) / (state.generation - begun_at)
+        left = per_generation * (generations - state.generation)
+        print(
+            f"\rgeneration {state.generation}/{generations}  cost {state.best_cost:.4f}  "
+            f"sigma {state.sigma:.4f}  {left:.0f} s left   ",
+            end="",
+            flush=True,
+        )
+    print()
+    return state
 
 
 def _learn(state: Evolution, constants: Rates, chosen: Matrix, whitening: Matrix) -> Evolution:

@@ -8,7 +8,6 @@ stopped, a finished one ends at once, `--restart` begins anew.
 
 import argparse
 import json
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from arm_parameters import PARAMETERS, edited_mjcf, edited_yaml, values_of
-from evolution import Evolution, Vector, first_generation, next_generation
+from evolution import Evolution, Vector, evolve, first_generation
 from swing_targets import (
     ELBOW_PITCH,
     EPSILON,
@@ -62,7 +61,8 @@ def main() -> None:
     if arguments.restart:
         state_file.unlink(missing_ok=True)
     judge = candidate_cost(load_robot(ROBOT_YAML), ROBOT_MJCF.read_text())
-    state = evolve(judge, state_file, arguments.seed, arguments.generations)
+    first = first_generation(len(PARAMETERS), SIGMA)
+    state = evolve(judge, first, state_file, arguments.seed, arguments.generations)
     write_description(values_of(state.best))
     summary = summarise(load_robot(ROBOT_YAML), state, arguments.seed)
     (OUT / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
@@ -92,34 +92,8 @@ def candidate_arm(robot: Robot, mjcf_text: str, values: Vector) -> Arm:
     return Arm(
         model=MujocoMuscleModel(mjcf, JOINTS, MUSCLES),
         limits=robot.limits,
-        wire_stiffness=robot.wire_stiffness,
         **postures,
     )
-
-
-def evolve(
-    judge: Callable[[Vector], float], state_file: Path, seed: int, generations: int
-) -> Evolution:
-    """Run up to `generations` generations, saving each; go on from a saved state."""
-    state = (
-        Evolution.load(state_file)
-        if state_file.exists()
-        else first_generation(len(PARAMETERS), SIGMA)
-    )
-    began, first = time.monotonic(), state.generation
-    while state.generation < generations:
-        state = next_generation(state, judge, seed)
-        state.save(state_file)
-        per_generation = (time.monotonic() - began) / (state.generation - first)
-        left = per_generation * (generations - state.generation)
-        print(
-            f"\rgeneration {state.generation}/{generations}  cost {state.best_cost:.4f}  "
-            f"sigma {state.sigma:.4f}  {left:.0f} s left   ",
-            end="",
-            flush=True,
-        )
-    print()
-    return state
 
 
 def write_description(values: Vector) -> None:
@@ -212,7 +186,7 @@ def _trials(plan: SwingPlan) -> list[dict[str, object]]:
 
 def _holding_figures(robot: Robot, planner: SwingPlanner) -> dict[str, object]:
     start, end = robot.postures["start"], robot.postures["end"]
-    arm = Arm(robot.model, robot.limits, robot.wire_stiffness, start, end)
+    arm = Arm(robot.model, robot.limits, start, end)
     figures: dict[str, object] = {}
     for name, posture in robot.postures.items():
         tension = planner.hold(posture).tension

@@ -20,6 +20,9 @@ Matrix = NDArray[np.float64]
 EPSILON = 0.01
 """[rad] where a simulated swing ends; not in the paper, ours."""
 
+WIRE_STIFFNESS = 7000.0
+"""[N/m] of this fit's own springs; those of the emulated arm are fitted later, to other targets."""
+
 JOINTS = ("S-p", "S-r", "S-y", "E-p", "E-y")
 MUSCLES = tuple(f"#{number}" for number in range(1, 11))
 ELBOW_PITCH = JOINTS.index("E-p")
@@ -52,7 +55,6 @@ class Arm:
 
     model: MujocoMuscleModel
     limits: MuscleLimits
-    wire_stiffness: Vector
     start: Vector
     end: Vector
 
@@ -94,7 +96,7 @@ def stiffness_eigenvalues(arm: Arm, posture: Vector, tension: Vector) -> Vector:
         [(torque(posture + o) - torque(posture - o)) / (2 * step) for o in offsets]
     )
     jacobian = model.jacobian(posture)
-    hessian = jacobian.T @ (arm.wire_stiffness[:, None] * jacobian) + geometric
+    hessian = WIRE_STIFFNESS * jacobian.T @ jacobian + geometric
     return np.linalg.eigvalsh((hessian + hessian.T) / 2)
 
 

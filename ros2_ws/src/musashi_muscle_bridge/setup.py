@@ -29,6 +29,7 @@ setup(
             "bridge = musashi_muscle_bridge.bridge_node:main",
             "mock_driver = musashi_muscle_bridge.mock_driver_node:main",
             "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
+            "view_swing = musashi_muscle_bridge.view_swing:main",
         ],
         # A laboratory's own bus adds an entry to both, in a package of its own.
         "musashi_muscle_bridge.buses": [

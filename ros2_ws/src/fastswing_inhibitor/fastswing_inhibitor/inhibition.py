@@ -1,5 +1,6 @@
 """The inhibition rule and the conditions that end it; without clock or I/O."""
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -141,7 +142,7 @@ class Inhibition:
             self.disarm(end)
             return self._nothing()
         self.decisions += 1
-        slow = float(np.linalg.norm(joints.velocity)) < self._settings.velocity_threshold
+        slow = math.hypot(*joints.velocity.tolist()) < self._settings.velocity_threshold
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
         direction = arming.goal - joints.position if slow else joints.velocity
         arms = moment_arm(self._model.jacobian(joints.position), direction)
@@ -160,13 +161,13 @@ class Inhibition:
         settings = self._settings
         if self._last is not None:
             elapsed = max(joints.time - self._last.time, 0.0)
-            moved = float(np.abs(joints.position - self._last.position).max())
+            moved = max(map(abs, (joints.position - self._last.position).tolist()))
             if moved > settings.max_joint_speed * elapsed + settings.jump_tolerance:
                 return Reason.STATE_JUMP
         if self._start is None:
             self._start = joints.position
         remaining = arming.goal - joints.position
-        distance = float(np.linalg.norm(remaining))
+        distance = math.hypot(*remaining.tolist())
         if distance < settings.goal_tolerance:
             return Reason.GOAL_REACHED
         whole = arming.goal - self._start
@@ -174,6 +175,6 @@ class Inhibition:
         if float(remaining @ whole) <= 0.0:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
-        if float(joints.velocity @ whole) / float(np.linalg.norm(whole)) < -settings.reversal_speed:
+        if float(joints.velocity @ whole) / math.hypot(*whole.tolist()) < -settings.reversal_speed:
             return Reason.REVERSED
         return Reason.NONE

@@ -1,5 +1,6 @@
 """Encoder lengths that make elastic muscles hold a posture."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -26,7 +27,7 @@ def smooth_fraction(elapsed: float, duration: float) -> float:
     """Return how far, 0 to 1, a motion that starts and ends at rest has come."""
     if elapsed >= duration:
         return 1.0
-    return 0.5 - 0.5 * float(np.cos(np.pi * max(elapsed, 0.0) / duration))
+    return 0.5 - 0.5 * math.cos(math.pi * max(elapsed, 0.0) / duration)
 
 
 @dataclass(frozen=True)

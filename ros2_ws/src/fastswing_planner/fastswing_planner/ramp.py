@@ -17,11 +17,22 @@ def velocity_bounds(
 
     Zero is always allowed, and the bounds never leave +-l_dot^limit.
     """
-    gain = acceleration_limit * time_step
+    return ramp_bounds(velocity, acceleration_limit * time_step, -velocity_limit, velocity_limit)
+
+
+def ramp_bounds(
+    velocity: Vector, gain: Vector, lower_limit: Vector, upper_limit: Vector
+) -> tuple[Vector, Vector]:
+    """Return the lowest and highest speed [m/s] of the next step, each of shape (m,).
+
+    velocity                  l_dot [m/s], shape (m,)
+    gain                      alpha dt [m/s], shape (m,)
+    lower_limit, upper_limit  [m/s] what the bounds never leave, shape (m,); zero is within
+    """
     # While l_dot > 0 (eqs. 8 and 9 of the paper):
     #   l_dot^max = min(l_dot + alpha dt, l_dot^limit)
     #   l_dot^min = min(l_dot - alpha dt, 0)
     # l_dot < 0 mirrors it, and at rest both directions gain alpha dt.
-    upper = np.minimum(np.maximum(velocity + gain, 0.0), velocity_limit)
-    lower = np.maximum(np.minimum(velocity - gain, 0.0), -velocity_limit)
+    upper = np.minimum(np.maximum(velocity + gain, 0.0), upper_limit)
+    lower = np.maximum(np.minimum(velocity - gain, 0.0), lower_limit)
     return lower, upper

@@ -345,7 +345,7 @@ def test_a_muscle_let_go_by_somebody_else_stops_every_phase(
 ) -> None:
     case = stage(linear_arm)
     case.run_until(phase)
-    case.execution.add_muscles(replace(muscles_at(case.now), limp=("m1",)))
+    case.execution.add_muscles(muscles_at(case.now)._replace(limp=("m1",)))
     with pytest.raises(SwingAborted, match=r"^muscles at zero current: m1; an emergency stop"):
         case.execution.step(case.now)
 
@@ -359,7 +359,7 @@ def test_an_armed_swing_allows_some_muscles_at_zero_current_but_not_all(
     case.tick_for(1.0)
     case.execution.inhibitor_armed()
     case.run_until(Phase.SWING)
-    case.execution.add_muscles(replace(muscles_at(case.now), limp=limp))
+    case.execution.add_muscles(muscles_at(case.now)._replace(limp=limp))
     if goes_on:
         assert case.execution.step(case.now).lengths is None
     else:

@@ -5,6 +5,7 @@ Highest wins: emergency stop or fault > zero-current override > current > tensio
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +38,7 @@ class CommandLimits:
     max_lease: float
 
 
-@dataclass(frozen=True)
-class Setpoints:
+class Setpoints(NamedTuple):
     """What the boards are told; shape (m,), [m], [N] or [A] by mode."""
 
     mode: ModeVector
@@ -52,6 +52,11 @@ class CommandArbiter:
         """Start without commands: every muscle holds its measured length."""
         self.muscle_names = tuple(muscle_names)
         self._limits = limits
+        self._range = {
+            Mode.LENGTH: (limits.length_min, limits.length_max),
+            Mode.TENSION: (np.zeros_like(limits.tension_max), limits.tension_max),
+            Mode.CURRENT: (-limits.current_max, limits.current_max),
+        }
         count = len(self.muscle_names)
         self._target = np.full(count, np.nan)  # latched length; NaN: hold the measured one
         self._active = np.full(count, np.nan)  # length sent last; NaN: not in length mode
@@ -62,32 +67,40 @@ class CommandArbiter:
             Mode.CURRENT: (np.zeros(count), np.full(count, -np.inf)),
         }
         self._override_until = np.full(count, -np.inf)
+        self._streaming = False  # a stream was commanded and its end has not been noticed yet
+        self._overriding = False  # somebody asked for an override that may not have ended yet
         self._faulty = np.zeros(count, dtype=bool)
         self._now = -np.inf
+        self._at_target = False  # every muscle was sent its latched length, by the last update
+        self._sent: Setpoints | None = None  # what stays valid until the next length command
+        self._all_length = np.full(count, Mode.LENGTH, dtype=np.uint8)
+        self._all_length.setflags(write=False)
         self.emergency = False
         self.clamped = 0
 
     # Commands.
 
-    def command(self, mode: Mode, index: Sequence[int], values: Vector, now: float) -> None:
+    def command(self, mode: Mode, index: Sequence[int] | slice, values: Vector, now: float) -> None:
         """Take a checked length [m], tension [N] or current [A] command for some muscles."""
-        chosen = np.asarray(index, dtype=int)
-        low, high = {
-            Mode.LENGTH: (self._limits.length_min, self._limits.length_max),
-            Mode.TENSION: (np.zeros_like(self._limits.tension_max), self._limits.tension_max),
-            Mode.CURRENT: (-self._limits.current_max, self._limits.current_max),
-        }[mode]
-        clamped = np.clip(values, low[chosen], high[chosen])
-        self.clamped += int((clamped != values).sum())
+        chosen = index if isinstance(index, slice) else np.asarray(index, dtype=int)
+        if mode is not Mode.LENGTH:
+            self._at_target = False
+        low, high = self._range[mode]
+        clamped = np.minimum(np.maximum(values, low[chosen]), high[chosen])
+        self.clamped += int(np.count_nonzero(clamped != values))
         if mode is Mode.LENGTH:
             self._target[chosen] = clamped
+            self._sent = None
+            if self._at_target:
+                return
             self._engaging[chosen] |= self._restarted[chosen]
             self._restarted[chosen] = False
             for _, received in self._stream.values():
                 ended = now - received[chosen] > self._limits.stream_timeout
-                received[chosen[ended]] = -np.inf
+                received[chosen] = np.where(ended, -np.inf, received[chosen])
         else:
             stream, received = self._stream[mode]
+            self._streaming = True
             stream[chosen] = clamped
             received[chosen] = now
 
@@ -100,15 +113,21 @@ class CommandArbiter:
             raise CommandRejected(
                 "lease", f"lease is {lease:g} s, expected 0 < lease <= {self._limits.max_lease:g} s"
             )
+        if not index and not self._overriding:
+            return
+        self._overriding = len(index) > 0
+        self._at_target = False
         self._override_until[:] = -np.inf
         self._override_until[np.asarray(index, dtype=int)] = now + lease
 
     def emergency_stop(self) -> None:
         """Zero current on every muscle until the faults are cleared."""
         self.emergency = True
+        self._at_target = False
 
     def hold(self) -> None:
         """Forget all commands: every muscle holds its measured length."""
+        self._at_target = False
         self._target[:] = np.nan
         self._active[:] = np.nan
         for _, received in self._stream.values():
@@ -136,24 +155,34 @@ class CommandArbiter:
 
         faulty  muscles whose boards report a fault; they stay at zero current until cleared
         """
-        elapsed = 0.0 if np.isinf(self._now) else max(now - self._now, 0.0)
+        elapsed = 0.0 if self._now == -np.inf else max(now - self._now, 0.0)
         self._now = max(now, self._now)
+        if self._at_target and not np.count_nonzero(faulty):
+            # Nothing but new length commands since every muscle followed them: it still does.
+            if self._sent is None:
+                self._active[:] = self._target
+                self._sent = Setpoints(self._all_length, frozen(self._target))
+            return self._sent
+        self._sent = None
         self._faulty |= faulty
         mode = np.full(length.size, Mode.LENGTH, dtype=np.uint8)
         value = np.zeros(length.size)
-        for stream_mode in (Mode.TENSION, Mode.CURRENT):
-            stream, received = self._stream[stream_mode]
+        for stream_mode, (stream, received) in self._stream.items() if self._streaming else ():
             fresh = self._now - received <= self._limits.stream_timeout
             mode[fresh] = stream_mode
             value[fresh] = stream[fresh]
             # A stream, even an ended one, replaces the latched length: the muscle then holds.
             self._target[np.isfinite(received)] = np.nan
             received[~fresh] = -np.inf
+        if self._streaming:
+            self._streaming = any(np.isfinite(end).any() for _, end in self._stream.values())
         off = self.overridden(self._now) | self._faulty | self.emergency
         mode[off] = Mode.ZERO_CURRENT
         value[off] = 0.0
         in_length = mode == Mode.LENGTH
         value[in_length] = self._lengths(in_length, length, tension, elapsed)[in_length]
+        waiting = self._engaging | self._restarted | ~in_length
+        self._at_target = not np.count_nonzero(waiting)
         return Setpoints(mode, frozen(value))
 
     def _lengths(
@@ -164,17 +193,18 @@ class CommandArbiter:
         self._active[entering] = length[entering]
         self._engaging |= entering
         holding = in_length & np.isnan(self._target)
-        self._target[holding] = np.clip(
-            self._active[holding],
-            self._limits.length_min[holding],
-            self._limits.length_max[holding],
-        )
-        self._restarted |= holding
+        if np.count_nonzero(holding):
+            self._hold_active(holding)
         # Bumpless: from the measured length to the commanded one within speed and tension limits.
         reach = self._limits.velocity * elapsed
-        change = np.clip(self._target - self._active, -reach, reach)
+        change = np.minimum(np.maximum(self._target - self._active, -reach), reach)
         change[(tension > self._limits.tension_max) & (change < 0.0)] = 0.0
         moved = np.where(self._engaging, self._active + change, self._target)
         self._engaging &= in_length & (moved != self._target)
         self._active[in_length] = moved[in_length]
         return self._active
+
+    def _hold_active(self, holding: BoolVector) -> None:
+        low, high = self._range[Mode.LENGTH]
+        self._target[holding] = np.clip(self._active, low, high)[holding]
+        self._restarted |= holding

@@ -3,12 +3,13 @@
 The same objects as in the nodes, without ROS: deterministic and faster than real time.
 """
 
-from dataclasses import dataclass
+from collections import deque
+from typing import NamedTuple
 
 import numpy as np
 
 from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
-from fastswing_planner.arrays import frozen
+from fastswing_planner.arrays import BoolVector
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures
 from fastswing_planner.plan import SwingPlan, SwingPlanner
@@ -24,11 +25,13 @@ from fastswing_planner.swing_execution import (
 )
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
-from musashi_muscle_bridge.protocol import Mode, StateFrame, WatchdogAction
+from musashi_muscle_bridge.protocol import Fault, Mode, StateFrame, WatchdogAction
+
+# Plain numbers: numpy compares with them much faster than with an enumeration's members.
+_NO_FAULT, _ZERO_CURRENT = int(Fault.NONE), int(Mode.ZERO_CURRENT)
 
 
-@dataclass(frozen=True)
-class Sample:
+class Sample(NamedTuple):
     """One control period of a swing: time [s] and the boards' state."""
 
     time: float
@@ -39,16 +42,32 @@ class Sample:
 class ClosedLoop:
     """One arm with everything that moves it."""
 
-    def __init__(self, robot: Robot, planner: SwingPlanner, rate: float = 500.0) -> None:
-        """Rate [Hz] is that of the control period."""
+    def __init__(
+        self,
+        robot: Robot,
+        planner: SwingPlanner,
+        rate: float = 1000.0,
+        executor_rate: float = 100.0,
+        inhibition_delay: float = 0.004,
+    ) -> None:
+        """Compose the loop.
+
+        rate              [Hz] of the control period
+        executor_rate     [Hz] of the executor's orders
+        inhibition_delay  [s] from a joint state to the override that follows from it; through ROS
+                          it travels to the inhibitor and back
+        """
         self._robot = robot
         self._planner = planner
         self._period = 1.0 / rate
+        self._periods_per_order = max(1, round(rate / executor_rate))
         self.boards = Boards(robot)
         self.control = ControlPeriod(
             robot, command_limits(robot, 0.1, 0.2, 0.2), WatchdogAction.ZERO_CURRENT, 0.1
         )
         self._inhibition = Inhibition(robot.model, robot.limits.velocity, InhibitionSettings())
+        self._healthy = bytes([_NO_FAULT] * len(robot.model.muscle_names))
+        self._overrides: deque[list[int]] = deque([[]] * round(inhibition_delay * rate))
         self._now = 0.0
         self._state = self.boards.handle(self.control.first_command())
         self.samples: list[Sample] = []
@@ -74,12 +93,13 @@ class ClosedLoop:
             self._muscles(),
         )
         while not execution.done:
-            self._advance()
-            joints = self._joints()
-            self._inhibit(joints)
-            execution.add_joints(joints)
-            execution.add_muscles(self._muscles())
-            self.samples.append(Sample(self._now, execution.phase, self._state))
+            for _ in range(self._periods_per_order):
+                self._advance()
+                joints = self._joints()
+                self._inhibit(joints)
+                execution.add_joints(joints)
+                execution.add_muscles(self._muscles())
+                self.samples.append(Sample(self._now, execution.phase, self._state))
             self._carry_out(execution.step(self._now), execution, plan)
         figures = execution.figures
         if figures is None:
@@ -93,34 +113,36 @@ class ClosedLoop:
 
     def _joints(self) -> JointMeasurement:
         rows = self._state.joints
-        return JointMeasurement(self._now, frozen(rows["position"]), frozen(rows["velocity"]))
+        return JointMeasurement(
+            self._now, rows["position"].astype(float), rows["velocity"].astype(float)
+        )
 
     def _muscles(self) -> MuscleMeasurement:
         rows = self._state.rows
-        names = self._robot.model.muscle_names
+        fault, mode = rows["fault"].tobytes(), rows["mode"].tobytes()
         return MuscleMeasurement(
             self._now,
-            frozen(rows["length"]),
-            frozen(rows["velocity"]),
-            frozen(rows["tension"]),
-            tuple(name for name, fault in zip(names, rows["fault"], strict=True) if fault),
-            tuple(
-                name
-                for name, mode in zip(names, rows["mode"], strict=True)
-                if mode == Mode.ZERO_CURRENT
-            ),
+            rows["length"].astype(float),
+            rows["velocity"].astype(float),
+            rows["tension"].astype(float),
+            () if fault == self._healthy else self._names(rows["fault"] != _NO_FAULT),
+            self._names(rows["mode"] == _ZERO_CURRENT) if _ZERO_CURRENT in mode else (),
         )
 
+    def _names(self, chosen: BoolVector) -> tuple[str, ...]:
+        return tuple(self._robot.model.muscle_names[i] for i in np.flatnonzero(chosen))
+
     def _inhibit(self, joints: JointMeasurement) -> None:
+        inhibited: list[int] = []
         if self._inhibition.armed:
             decision = self._inhibition.decide(joints)
-            inhibited = [int(i) for i in np.flatnonzero(decision.inhibited)]
-            self.control.arbiter.override(inhibited, 0.05, self._now)
+            inhibited = np.flatnonzero(decision.inhibited).tolist()
+        self._overrides.append(inhibited)
+        self.control.arbiter.override(self._overrides.popleft(), 0.05, self._now)
 
     def _carry_out(self, orders: Orders, execution: SwingExecution, plan: SwingPlan) -> None:
         if orders.lengths is not None:
-            everything = range(orders.lengths.size)
-            self.control.arbiter.command(Mode.LENGTH, everything, orders.lengths, self._now)
+            self.control.arbiter.command(Mode.LENGTH, slice(None), orders.lengths, self._now)
         if orders.arm:
             protected = np.zeros(plan.kept.size, dtype=bool)
             self._inhibition.arm(Arming(plan.end, 0.0, protected, 5.0, self._now))

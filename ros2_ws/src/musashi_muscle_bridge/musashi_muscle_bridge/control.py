@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.robot import Robot
-from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits
+from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits, Setpoints
 from musashi_muscle_bridge.errors import FrameError
 from musashi_muscle_bridge.protocol import (
     COMMAND_ROW,
@@ -25,6 +25,7 @@ from musashi_muscle_bridge.protocol import (
 _CLEAR_FRAMES = 3
 _CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
 _MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond
+_NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
 
 
 def length_range(model: MuscleModel, count: int = 400) -> tuple[Vector, Vector]:
@@ -84,11 +85,14 @@ class ControlPeriod:
         self._watchdog_action = watchdog_action
         self._watchdog_timeout = watchdog_timeout
         self._ids: Sequence[int] = range(len(robot.model.muscle_names))
+        self._nothing = np.zeros(len(self._ids), dtype=bool)
+        self._healthy = bytes([_NO_FAULT] * len(self._ids))
         self._rows = np.zeros(len(self._ids), dtype=COMMAND_ROW)
         self._rows["id"] = self._ids
         self._rows["tension_limit"] = robot.tension_limit
         self._rows["current_limit"] = robot.current_limit
         self.session = session
+        self._setpoints: Setpoints | None = None  # those that stand in the rows
         self._sequence = 0
         self._clear_frames = 0
         self._cleared_from: int | None = None  # the first frame that asked to clear
@@ -129,24 +133,29 @@ class ControlPeriod:
         """Return a command that moves nothing and asks for the state."""
         self._rows["mode"] = Mode.ZERO_CURRENT
         self._rows["setpoint"] = 0.0
+        self._setpoints = None
         return self._frame()
 
     def next_command(self, state: StateFrame, now: float) -> CommandFrame:
         """Return the command that follows `state`, at the monotonic time `now` [s]."""
         self._notice_outage(state.sequence, now)
         if self._answers_before_clearing(state.sequence, now):
-            faulty = np.zeros(len(self._ids), dtype=bool)
+            faulty = self._nothing
         else:
-            faulty = state.rows["fault"] != Fault.NONE
+            fault = state.rows["fault"]
+            healthy = fault.tobytes() == self._healthy
+            faulty = self._nothing if healthy else fault != _NO_FAULT
         faulty = self._with_reboots(faulty, state.rows["boots"])
         setpoints = self.arbiter.update(
             now,
-            state.rows["length"].astype(float),
-            state.rows["tension"].astype(float),
+            state.rows["length"],
+            state.rows["tension"],
             faulty,
         )
-        self._rows["mode"] = setpoints.mode
-        self._rows["setpoint"] = setpoints.value
+        if setpoints is not self._setpoints:
+            self._setpoints = setpoints
+            self._rows["mode"] = setpoints.mode
+            self._rows["setpoint"] = setpoints.value
         return self._frame()
 
     def _notice_outage(self, sequence: int, now: float) -> None:
@@ -184,9 +193,10 @@ class ControlPeriod:
         self._sequence = (self._sequence + 1) % 2**32
         clear = self._clear_frames > 0
         self._clear_frames = max(self._clear_frames - 1, 0)
+        rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)  # much faster than a copy
         return CommandFrame(
             self._sequence,
-            self._rows.copy(),
+            rows,
             self._watchdog_action,
             self._watchdog_timeout,
             clear,

@@ -1,52 +1,24 @@
 """The arm that is not here: winches, elastic wires and MuJoCo's arm; without clock or I/O."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen, unique_known
-from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.mujoco_model import load_mjcf, object_names, tendon_jacobian
-from fastswing_planner.ramp import velocity_bounds
+from fastswing_planner.mujoco_model import load_mjcf, object_names
+from fastswing_planner.ramp import ramp_bounds
 from fastswing_planner.robot import Robot
+from musashi_muscle_bridge.motor_heat import MotorHeat
+from musashi_muscle_bridge.plant_constants import plant_constants
+
+_HEAT_PERIOD = 0.01  # [s]
+
+Selection = slice | NDArray[np.int_]
 
 
-@dataclass(frozen=True)
-class PlantConstants:
-    """Physical constants of every winch; all ours, see docs/musashi_model.md.
-
-    wire_damping        [N s/m] of the stretching wire
-    winch_mass          [kg] reflected inertia of motor and gear at the wire
-    winch_friction      [N] Coulomb friction of the gear at the wire, felt when back-driven
-    winch_damping       [N s/m] viscous part of it
-    force_per_current   [N/A] pull at the wire for each ampere
-    """
-
-    wire_damping: float = 60.0
-    winch_mass: float = 4.0
-    winch_friction: float = 10.0
-    winch_damping: float = 40.0
-    force_per_current: float = 50.0
-
-
-def plant_constants(content: Mapping[str, Any]) -> PlantConstants:
-    """Read a robot's `plant` section; raises RobotDescriptionError naming the key."""
-    names = [field.name for field in fields(PlantConstants)]
-    for key, value in content.items():
-        if key not in names:
-            raise RobotDescriptionError(
-                f"plant: unknown key '{key}', choose from: {', '.join(names)}"
-            )
-        if not isinstance(value, (int, float)) or not (np.isfinite(value) and value > 0):
-            raise RobotDescriptionError(f"plant: {key} is {value!r}, expected a positive number")
-    return PlantConstants(**content)
-
-
-@dataclass(frozen=True)
-class Drive:
+class Drive(NamedTuple):
     """What the motors do; vectors of shape (m,).
 
     driven    the winch follows `velocity`; otherwise it feels the wire and `current`
@@ -60,97 +32,193 @@ class Drive:
 
 
 class Plant:
-    """n joints, m muscles, advanced by an explicit time step; knows nothing of methods."""
+    """n joints, m muscles, advanced by an explicit time step; knows nothing of methods.
+
+    Its properties are what sensors measure, with their noise; read-only.
+
+    wire_broken  muscles whose wire is cut, shape (m,); set it at any time
+    """
 
     def __init__(self, robot: Robot) -> None:
         """Put the arm at rest in posture `home`, wires just slack."""
         self._constants = plant_constants(robot.plant)
-        self._mjcf = load_mjcf(robot.mjcf)
+        self._mjcf = arm_mjcf(robot)
         self._data = mujoco.MjData(self._mjcf)
         joints = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_JOINT, self._mjcf.njnt)
         tendons = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_TENDON, self._mjcf.ntendon)
         chosen = unique_known("joint", robot.model.joint_names, joints)
-        self._qpos = self._mjcf.jnt_qposadr[chosen]
-        self._dof = self._mjcf.jnt_dofadr[chosen]
-        self._tendons = np.array(unique_known("muscle", robot.model.muscle_names, tendons))
-        self._limits = robot.limits
+        self._qpos = _selection(self._mjcf.jnt_qposadr[chosen])
+        self._dof = _selection(self._mjcf.jnt_dofadr[chosen])
+        self._tendons = _selection(
+            np.array(unique_known("muscle", robot.model.muscle_names, tendons))
+        )
+        self._velocity_limit = robot.limits.velocity
         self._stiffness = robot.wire_stiffness
-        self._current_limit = robot.current_limit
+        self._slowest = -robot.limits.velocity
+        self._max_pull = robot.current_limit * self._constants.force_per_current
         self.time_step = float(self._mjcf.opt.timestep)
+        self._ramp_gain = robot.limits.acceleration * self.time_step  # [m/s]
         self._data.qpos[self._qpos] = robot.postures["home"]
         mujoco.mj_forward(self._mjcf, self._data)
-        self._winch = np.array(self._data.ten_length[self._tendons])
-        self._winch_velocity = np.zeros(self._winch.size)
-        self._tension = np.zeros(self._winch.size)
-        self._current = np.zeros(self._winch.size)
-        self.wire_broken = np.zeros(self._winch.size, dtype=bool)  # pulls nothing
+        # Views of MuJoCo's memory: looked up once, read and written in every step.
+        self._path_length = self._data.ten_length
+        self._path_velocity = self._data.ten_velocity
+        self._position, self._speed = self._data.qpos, self._data.qvel
+        self._torque = self._data.qfrc_applied
+        mjcf = self._mjcf
+        self._sparse = (self._data.ten_J, mjcf.ten_J_rownnz, mjcf.ten_J_rowadr, mjcf.ten_J_colind)
+        self._jacobian = np.zeros((mjcf.ntendon, mjcf.nv))
+        count = len(robot.model.muscle_names)
+        self._winch = self._path_length[self._tendons].copy()
+        self._winch_velocity = np.zeros(count)
+        self._asked = np.zeros(count)  # [m/s] the ramped speed that the driven winches are to have
+        self._tension = np.zeros(count)
+        self._current = np.zeros(count)
+        self.wire_broken = np.zeros(count, dtype=bool)
+        self._heat = MotorHeat(self._constants, count)
+        self._steps_per_heat = max(1, round(_HEAT_PERIOD / self.time_step))
+        self._steps = 0
+        self._random = np.random.default_rng(self._constants.noise_seed)
+        self._measure()
 
     @property
     def joint_position(self) -> Vector:
         """Joint angles [rad], shape (n,)."""
-        return frozen(self._data.qpos[self._qpos])
+        return self._measured_position
 
     @property
     def joint_velocity(self) -> Vector:
-        """Joint speeds [rad/s], shape (n,)."""
-        return frozen(self._data.qvel[self._dof])
+        """Joint speeds [rad/s], shape (n,); without noise."""
+        return frozen(self._speed[self._dof])
 
     @property
     def length(self) -> Vector:
         """Unstretched wire between winch and insertion [m], shape (m,): what encoders read."""
-        return frozen(self._winch)
+        return self._measured_length
 
     @property
     def velocity(self) -> Vector:
-        """Rate of `length` [m/s], shape (m,)."""
-        return frozen(self._winch_velocity)
+        """Rate of the unstretched wire [m/s], shape (m,); without quantisation."""
+        return self._winch_velocity
 
     @property
     def tension(self) -> Vector:
-        """Wire tensions [N], shape (m,)."""
-        return frozen(self._tension)
+        """Wire tensions [N], shape (m,); never negative."""
+        return self._measured_tension
 
     @property
     def current(self) -> Vector:
         """Motor currents [A], shape (m,)."""
-        return frozen(self._current)
+        return self._current
+
+    @property
+    def housing_temperature(self) -> Vector:
+        """Temperatures of the motors' housings [degC], shape (m,)."""
+        return self._heat.housing
+
+    @property
+    def winding_temperature(self) -> Vector:
+        """Temperatures of the motors' windings [degC], shape (m,); no sensor is there."""
+        return self._heat.winding
+
+    @property
+    def mujoco_position(self) -> Vector:
+        """All of MuJoCo's joint positions `qpos`, without noise: for pictures."""
+        return frozen(self._position)
 
     def step(self, drive: Drive) -> None:
         """Advance by `time_step`."""
-        self._move_winches(drive)
+        driven = np.count_nonzero(drive.driven)
+        if driven == self._winch.size:
+            velocity, current = self._driven(drive)
+        else:
+            velocity, current = self._back_driven(drive)
+            if driven:
+                driven_velocity, driven_current = self._driven(drive)
+                velocity = np.where(drive.driven, driven_velocity, velocity)
+                current = np.where(drive.driven, driven_current, current)
+            # A winch that is driven again begins at the speed that it has.
+            self._asked = np.where(drive.driven, self._asked, velocity)
+        velocity.setflags(write=False)
+        current.setflags(write=False)
+        self._winch_velocity, self._current = velocity, current
+        self._winch = self._winch + velocity * self.time_step
+        self._steps += 1
+        if self._steps % self._steps_per_heat == 0:
+            # Temperatures move slowly: a sample of the current now and then is enough.
+            self._heat.add(current, self._steps_per_heat * self.time_step)
         mujoco.mj_step1(self._mjcf, self._data)
-        stretch = self._data.ten_length[self._tendons] - self._winch
-        rate = self._data.ten_velocity[self._tendons] - self._winch_velocity
-        # A slack wire pulls nothing, and damping never pushes.
-        pull = self._stiffness * stretch + self._constants.wire_damping * rate
-        self._tension = np.where((stretch > 0.0) & ~self.wire_broken, np.maximum(pull, 0.0), 0.0)
-        jacobian = tendon_jacobian(self._mjcf, self._data)[self._tendons]
-        # tau = -G^T f
-        self._data.qfrc_applied[:] = -jacobian.T @ self._tension
+        self._pull()
         mujoco.mj_step2(self._mjcf, self._data)
+        self._measure()
 
-    def _move_winches(self, drive: Drive) -> None:
-        velocity = np.where(drive.driven, self._driven(drive), self._back_driven(drive))
-        self._winch += velocity * self.time_step
-        self._winch_velocity = velocity
+    def _pull(self) -> None:
+        stretch = self._path_length[self._tendons] - self._winch
+        rate = self._path_velocity[self._tendons] - self._winch_velocity
+        # A slack or broken wire pulls nothing, and damping never pushes.
+        pull = self._stiffness * stretch + self._constants.wire_damping * rate
+        tension = np.maximum(pull, 0.0) * (stretch > 0.0)
+        if np.count_nonzero(self.wire_broken):
+            tension[self.wire_broken] = 0.0
+        self._tension = tension
+        mujoco.mju_sparse2dense(self._jacobian, *self._sparse)
+        # tau = -G^T f
+        np.negative(tension.dot(self._jacobian[self._tendons]), out=self._torque)
 
-    def _driven(self, drive: Drive) -> Vector:
-        low, high = velocity_bounds(
-            self._winch_velocity, self._limits.velocity, self._limits.acceleration, self.time_step
-        )
-        velocity = np.clip(drive.velocity, low, high)
-        # At the current limit the motor cannot pull any harder: it stalls.
-        needed = self._tension / self._constants.force_per_current
-        stalled = (needed >= self._current_limit) & (velocity < 0.0)
-        self._current = np.where(drive.driven, np.minimum(needed, self._current_limit), 0.0)
-        return np.where(stalled, 0.0, velocity)
+    def _driven(self, drive: Drive) -> tuple[Vector, Vector]:
+        low, high = ramp_bounds(self._asked, self._ramp_gain, self._slowest, self._velocity_limit)
+        self._asked = np.minimum(np.maximum(drive.velocity, low), high)
+        # Winding in, a winch falls behind the more it has to pull, down to standing still.
+        share = (self._tension / self._constants.stall_force) ** self._constants.stall_exponent
+        behind = self._asked * np.maximum(1.0 - share, 0.0)
+        velocity = np.maximum(self._asked, np.minimum(behind, 0.0))
+        stalled = self._tension >= self._max_pull
+        if np.count_nonzero(stalled):
+            velocity = np.where(stalled, np.maximum(velocity, 0.0), velocity)
+        pull = np.minimum(self._tension, self._max_pull)
+        return velocity, pull / self._constants.force_per_current
 
-    def _back_driven(self, drive: Drive) -> Vector:
+    def _back_driven(self, drive: Drive) -> tuple[Vector, Vector]:
         constants = self._constants
-        self._current = np.where(drive.driven, self._current, drive.current)
         force = self._tension - drive.current * constants.force_per_current
         # Implicit in damping and friction: m dv/dt = force - d v - F sign(v), and F holds v at 0.
         free = constants.winch_mass * self._winch_velocity + force * self.time_step
         held = constants.winch_friction * self.time_step
         moving = np.sign(free) * np.maximum(np.abs(free) - held, 0.0)
-        return moving / (constants.winch_mass + constants.winch_damping * self.time_step)
+        velocity = moving / (constants.winch_mass + constants.winch_damping * self.time_step)
+        return velocity, drive.current.copy()
+
+    def _measure(self) -> None:
+        constants = self._constants
+        length, tension = self._winch, self._tension
+        position = self._position[self._qpos].copy()
+        if constants.encoder_step:
+            length = np.round(length / constants.encoder_step) * constants.encoder_step
+        if constants.tension_noise:
+            noise = self._random.normal(0.0, constants.tension_noise, tension.size)
+            tension = np.maximum(tension + noise, 0.0)
+        if constants.angle_noise:
+            position = position + self._random.normal(0.0, constants.angle_noise, position.size)
+        for measured in (length, tension, position):
+            measured.setflags(write=False)
+        self._measured_length = length
+        self._measured_tension = tension
+        self._measured_position = position
+
+
+def arm_mjcf(robot: Robot) -> mujoco.MjModel:
+    """Compile the arm without actuators of its own: its muscles are the plant's winches."""
+    mjcf = load_mjcf(robot.mjcf)
+    mjcf.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    if not (mjcf.geom_contype.any() and mjcf.geom_conaffinity.any()) and not mjcf.npair:
+        # Nothing can touch: do not look for contacts.
+        mjcf.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    return mjcf
+
+
+def _selection(index: NDArray[np.int_]) -> Selection:
+    """Return a slice where `index` counts upwards: numpy is faster with it."""
+    first = int(index[0])
+    if np.array_equal(index, np.arange(first, first + index.size)):
+        return slice(first, first + index.size)
+    return index

@@ -118,8 +118,20 @@ def test_a_state_says_what_was_measured(boards: Boards) -> None:
     assert state.rows["id"].tolist() == [0, 1]
 
 
-def test_the_unmeasured_temperature_is_nan(boards: Boards) -> None:
-    assert np.isnan(boards.state(1).rows["temperature"]).all()
+def test_the_temperature_is_that_of_the_housings(boards: Boards) -> None:
+    expected = boards.plant.housing_temperature.astype("f4")
+    np.testing.assert_array_equal(boards.state(1).rows["temperature"], expected)
+
+
+def test_a_command_repeated_after_a_fault_elsewhere_is_not_taken_for_obeyed(
+    boards: Boards,
+) -> None:
+    run(boards, HOLD, 0.02)
+    boards.fault[DOWN] = Fault.ENCODER
+    boards.handle(HOLD)
+    boards.handle(frame(LENGTHS, (1.0, 1.2), clear=True))
+    boards.handle(HOLD)
+    assert mode_of(boards) == [Mode.LENGTH] * 2
 
 
 @pytest.mark.parametrize("ids", [(0,), (1, 0), (0, 2)])

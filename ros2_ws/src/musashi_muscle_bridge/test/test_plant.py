@@ -7,7 +7,8 @@ import pytest
 
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.robot import Robot
-from musashi_muscle_bridge.plant import Drive, Plant, PlantConstants, plant_constants
+from musashi_muscle_bridge.plant import Drive, Plant
+from musashi_muscle_bridge.plant_constants import PlantConstants, plant_constants
 
 UP, DOWN = 0, 1
 WEIGHT = 20.0
@@ -243,7 +244,131 @@ def test_a_current_beyond_weight_and_friction_lifts(hoist: Robot) -> None:
     assert plant.joint_position[0] < before - 0.01
 
 
+def test_the_harder_the_pull_the_slower_a_winch_winds_in(hoist: Robot) -> None:
+    # Half of the stall force is left: half of the 0.3 m/s is reached.
+    plant = settled(with_constants(hoist, stall_force=2 * WEIGHT))
+    run(plant, lift(-0.3), 1.0)
+    assert plant.velocity[UP] == pytest.approx(-0.15, rel=0.02)
+
+
+def test_the_load_does_not_slow_paying_out(hoist: Robot) -> None:
+    plant = settled(with_constants(hoist, stall_force=2 * WEIGHT))
+    run(plant, lift(0.3), 0.7)
+    assert plant.velocity[UP] == 0.3
+
+
+def test_a_winch_at_its_stall_force_still_pays_out(hoist: Robot) -> None:
+    plant = settled(with_constants(hoist, stall_force=WEIGHT / 2))
+    run(plant, lift(-0.3), 0.5)
+    assert plant.velocity[UP] == 0.0
+    run(plant, lift(0.1), 0.3)
+    assert plant.velocity[UP] == pytest.approx(0.1)
+
+
+# Broken wires.
+
+
+def test_a_broken_wire_pulls_nothing_and_drops_the_load(hoist: Robot) -> None:
+    plant = settled(hoist)
+    plant.wire_broken[UP] = True
+    run(plant, HELD, 0.2)
+    assert plant.tension[UP] == 0.0
+    assert plant.joint_position[0] == pytest.approx(0.5 * 10.0 * 0.2**2, rel=0.05)
+
+
+def test_breaking_one_wire_leaves_the_other_whole(hoist: Robot) -> None:
+    plant = settled(hoist)
+    plant.wire_broken[DOWN] = True
+    run(plant, HELD, 0.2)
+    assert plant.tension[UP] == pytest.approx(WEIGHT, rel=1e-3)
+
+
+def test_a_mended_wire_pulls_again(hoist: Robot) -> None:
+    plant = settled(hoist)
+    plant.wire_broken[UP] = True
+    plant.step(HELD)
+    plant.wire_broken[UP] = False
+    run(plant, HELD, 2.0)
+    assert plant.tension[UP] == pytest.approx(WEIGHT, rel=1e-2)
+
+
+# Sensors.
+
+
+def test_an_encoder_reads_multiples_of_its_step(hoist: Robot) -> None:
+    plant = settled(with_constants(hoist, encoder_step=0.01))
+    for _ in range(200):
+        plant.step(lift(-0.1))
+        np.testing.assert_allclose(plant.length, np.round(plant.length / 0.01) * 0.01)
+
+
+def test_quantisation_does_not_move_the_winch(hoist: Robot) -> None:
+    exact, coarse = settled(hoist), settled(with_constants(hoist, encoder_step=0.01))
+    run(exact, lift(-0.1), 0.5)
+    run(coarse, lift(-0.1), 0.5)
+    assert coarse.joint_position.tobytes() == exact.joint_position.tobytes()
+    assert abs(coarse.length[UP] - exact.length[UP]) <= 0.005
+
+
+def test_tension_noise_scatters_as_much_as_asked_for(hoist: Robot) -> None:
+    plant = settled(with_constants(hoist, tension_noise=0.5))
+    tensions = []
+    for _ in range(2000):
+        plant.step(HELD)
+        tensions.append(plant.tension[UP])
+    assert np.std(tensions) == pytest.approx(0.5, rel=0.1)
+    assert np.mean(tensions) == pytest.approx(WEIGHT, abs=0.1)
+
+
+def test_a_noisy_tension_is_never_negative(hoist: Robot) -> None:
+    plant = Plant(with_constants(hoist, tension_noise=5.0))
+    for _ in range(200):
+        plant.step(HELD)
+        assert plant.tension.min() >= 0.0
+
+
+def test_angle_noise_scatters_as_much_as_asked_for(hoist: Robot) -> None:
+    plant = settled(with_constants(hoist, angle_noise=0.002))
+    angles = []
+    for _ in range(2000):
+        plant.step(HELD)
+        angles.append(plant.joint_position[0])
+    assert np.std(angles) == pytest.approx(0.002, rel=0.1)
+
+
+def test_noise_repeats_with_its_seed_and_only_with_it(hoist: Robot) -> None:
+    def tensions(seed: int) -> bytes:
+        plant = Plant(with_constants(hoist, tension_noise=1.0, noise_seed=seed))
+        run(plant, HELD, 0.05)
+        return plant.tension.tobytes()
+
+    assert tensions(1) == tensions(1)
+    assert tensions(1) != tensions(2)
+
+
+def test_what_a_plant_measured_cannot_be_written_to(hoist: Robot) -> None:
+    plant = settled(hoist)
+    for measured in (plant.length, plant.velocity, plant.tension, plant.current):
+        with pytest.raises(ValueError, match="read-only"):
+            measured[0] = 1.0
+
+
 # Constants.
+
+
+@pytest.mark.parametrize("key", ["tension_noise", "encoder_step", "angle_noise"])
+def test_a_noise_may_be_zero_but_not_negative(key: str) -> None:
+    plant_constants({key: 0.0})
+    with pytest.raises(RobotDescriptionError) as caught:
+        plant_constants({key: -1.0})
+    assert str(caught.value) == f"plant: {key} is -1.0, expected a positive number or 0"
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5, "dice"])
+def test_a_seed_is_a_whole_number(seed: object) -> None:
+    with pytest.raises(RobotDescriptionError) as caught:
+        plant_constants({"noise_seed": seed})
+    assert str(caught.value) == f"plant: noise_seed is {seed!r}, expected a whole number from 0"
 
 
 def test_no_constants_mean_the_defaults() -> None:
