@@ -220,10 +220,6 @@ def test_a_range_in_the_wrong_order_is_named(tmp_path: Path) -> None:
         ),
         ({"joints": []}, "key 'joints' is [], expected a list of names"),
         ({"muscles": []}, "key 'muscles' is [], expected a list of names"),
-        (
-            {"payload_body": "hand"},
-            "key 'payload_body' is 'hand', no body of the MJCF, choose from: world, rod",
-        ),
         ({"plant": [5]}, "key 'plant' is [5], expected a mapping of constants"),
         (
             {"postures": {"up": [0.0]}},
