@@ -53,6 +53,7 @@ class JointCoupling:
         self._followers = _leaders_first(model, followers)
         self._chosen_rates = np.zeros((model.nv, len(joints)))
         self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
+        self._chosen_rates.setflags(write=False)
 
     def set_positions(self, data: mujoco.MjData, joint_position: Vector) -> Matrix:
         """Write qpos of all joints, and return d qvel / d joint velocity, shape (nv, n).
@@ -62,6 +63,8 @@ class JointCoupling:
         model, qpos = self._model, data.qpos
         qpos[:] = self._reference
         qpos[self._qpos_index] = joint_position
+        if not self._followers:
+            return self._chosen_rates
         rates = self._chosen_rates.copy()
         # q - q0 = poly(q_leader - q0_leader)  (MuJoCo's XML reference, equality/joint)
         for follower in self._followers:

@@ -203,8 +203,9 @@ class SwingExecution:
             self._measurement.add_joints(
                 joints.time, joints.velocity, self.distance_to_end, self._settings.arrival_tolerance
             )
-        resting = np.abs(joints.velocity) <= self._settings.rest_speed  # not for NaN
-        if np.count_nonzero(resting) < resting.size:
+        # Plain numbers: for a few joints they are faster than numpy. NaN does not rest.
+        slowest = self._settings.rest_speed
+        if not all(abs(speed) <= slowest for speed in joints.velocity.tolist()):
             self._rest_since = None
         elif self._rest_since is None:
             self._rest_since = joints.time

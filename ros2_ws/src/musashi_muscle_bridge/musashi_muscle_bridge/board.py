@@ -46,6 +46,9 @@ class Boards:
         self._since_command = 0.0
         self._ahead = 0.0
         self._obeyed = b""  # the command rows that all boards follow; empty: take the next ones
+        self._answer = np.zeros(count, dtype=STATE_ROW)  # what never changes in an answer
+        self._answer["id"] = self._ids
+        self._joint_answer = np.zeros(self.plant.joint_position.size, dtype=JOINT_ROW)
         self._sort_modes()
 
     def handle(self, command: CommandFrame) -> StateFrame:
@@ -82,8 +85,7 @@ class Boards:
     def state(self, sequence: int) -> StateFrame:
         """Return what was measured."""
         plant = self.plant
-        rows = np.empty(self._ids.size, dtype=STATE_ROW)
-        rows["id"] = self._ids
+        rows = self._answer.copy()
         rows["mode"] = self._mode
         rows["fault"] = self.fault
         rows["length"] = plant.length
@@ -91,11 +93,8 @@ class Boards:
         rows["tension"] = plant.tension
         rows["current"] = plant.current
         rows["temperature"] = plant.housing_temperature
-        rows["boots"] = 0
-        rows["refused"] = 0
-        position = plant.joint_position
-        joints = np.empty(position.size, dtype=JOINT_ROW)
-        joints["position"] = position
+        joints = self._joint_answer.copy()
+        joints["position"] = plant.joint_position
         joints["velocity"] = plant.joint_velocity
         return StateFrame(sequence, rows, joints)
 

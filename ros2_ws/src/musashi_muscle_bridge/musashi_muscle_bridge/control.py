@@ -18,6 +18,7 @@ from musashi_muscle_bridge.protocol import (
     CommandFrame,
     Fault,
     Mode,
+    Rows,
     StateFrame,
     WatchdogAction,
 )
@@ -93,6 +94,7 @@ class ControlPeriod:
         self._rows["current_limit"] = robot.current_limit
         self.session = session
         self._setpoints: Setpoints | None = None  # those that stand in the rows
+        self._frozen_rows: Rows | None = None  # a copy of the rows as they are now
         self._sequence = 0
         self._clear_frames = 0
         self._cleared_from: int | None = None  # the first frame that asked to clear
@@ -133,7 +135,7 @@ class ControlPeriod:
         """Return a command that moves nothing and asks for the state."""
         self._rows["mode"] = Mode.ZERO_CURRENT
         self._rows["setpoint"] = 0.0
-        self._setpoints = None
+        self._setpoints = self._frozen_rows = None
         return self._frame()
 
     def next_command(self, state: StateFrame, now: float) -> CommandFrame:
@@ -154,6 +156,7 @@ class ControlPeriod:
         )
         if setpoints is not self._setpoints:
             self._setpoints = setpoints
+            self._frozen_rows = None
             self._rows["mode"] = setpoints.mode
             self._rows["setpoint"] = setpoints.value
         return self._frame()
@@ -193,10 +196,11 @@ class ControlPeriod:
         self._sequence = (self._sequence + 1) % 2**32
         clear = self._clear_frames > 0
         self._clear_frames = max(self._clear_frames - 1, 0)
-        rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)  # much faster than a copy
+        if self._frozen_rows is None:
+            self._frozen_rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)
         return CommandFrame(
             self._sequence,
-            rows,
+            self._frozen_rows,
             self._watchdog_action,
             self._watchdog_timeout,
             clear,
