@@ -122,10 +122,13 @@ class Boards:
             return
         self._obeyed = b""
         self.fault[which] = fault
-        hold = fault is Fault.WATCHDOG and self._watchdog_action is WatchdogAction.HOLD_LENGTH
-        self._held[which] = hold
-        self._mode[which] = Mode.LENGTH if hold else Mode.ZERO_CURRENT
-        self._setpoint[which] = self.plant.length[which] if hold else 0.0
+        holding = fault is Fault.WATCHDOG and self._watchdog_action is WatchdogAction.HOLD_LENGTH
+        # A motor that was told to be without current, by an emergency stop say, stays without.
+        hold = which & (self._mode != Mode.ZERO_CURRENT) & holding
+        limp = which & ~hold
+        self._held[which] = hold[which]
+        self._mode[hold], self._setpoint[hold] = Mode.LENGTH, self.plant.length[hold]
+        self._mode[limp], self._setpoint[limp] = Mode.ZERO_CURRENT, 0.0
         self._sort_modes()
 
     def _sort_modes(self) -> None:
@@ -146,7 +149,8 @@ class Boards:
         if self._some_in_tension:
             to_tension = _TENSION_GAIN * (self.plant.tension - self._setpoint)
             velocity = np.where(self._in_tension, to_tension, velocity)
-        if over is not None:
-            # Tension above the limit pays out, whatever is asked for.
-            velocity = np.where(over, self._velocity_limit, velocity)
-        return Drive(self._driven, velocity, self._current)
+        if over is None:
+            return Drive(self._driven, velocity, self._current)
+        # Tension above the limit pays out, whatever is asked for.
+        velocity = np.where(over, self._velocity_limit, velocity)
+        return Drive(self._driven | (over & (self._mode == _CURRENT)), velocity, self._current)

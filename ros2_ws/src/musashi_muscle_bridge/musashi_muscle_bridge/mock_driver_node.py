@@ -46,7 +46,7 @@ TABLE = (
     ROBOT_DESCRIPTION,
     BUS_URL,
     _line_fault("latency", "Delay of each answer.", "s"),
-    _line_fault("jitter", "At most this much more delay, evenly distributed.", "s"),
+    _line_fault("jitter", "At most this much more delay; frames do not overtake.", "s"),
     _line_fault("loss", "Share of frames that are lost, on the way there and on the way back."),
     _line_fault("corruption", "Share of frames with a flipped bit, there and back."),
     _arm_fault("stuck_encoder", "the encoder shows what it showed last."),
