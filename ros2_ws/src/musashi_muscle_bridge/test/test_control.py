@@ -338,6 +338,51 @@ def test_boards_that_come_back_are_held_where_they_are(
     np.testing.assert_allclose(found, back.rows["length"])
 
 
+def test_boards_that_were_silent_stay_where_they_are_until_faults_are_cleared(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.2)
+    back = moved(state, 3, 0.1)
+    control.next_command(back, 10.3)
+    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([0.9, 0.9]), 10.3)
+    found = control.next_command(moved(state, 4, 0.1), 10.31).rows["setpoint"]
+    np.testing.assert_allclose(found, back.rows["length"])
+
+
+def test_boards_that_were_silent_follow_again_after_clearing(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.2)
+    control.next_command(moved(state, 3, 0.1), 10.3)
+    control.clear_faults()
+    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([1.1, 1.1]), 10.3)
+    for period in range(4, 400):
+        command = control.next_command(moved(state, period, 0.1), 10.3 + PERIOD * period)
+    np.testing.assert_allclose(command.rows["setpoint"], [1.1, 1.1])
+    assert not control.lost.any()
+
+
+def test_silent_boards_get_no_current_where_that_is_the_watchdog_action(hoist: Robot) -> None:
+    limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+    control = ControlPeriod(hoist, limits, WatchdogAction.ZERO_CURRENT, 0.1)
+    state = Boards(hoist).state(1)
+    control.next_command(state, 10.0)
+    assert modes(control.next_command(state, 10.09)) == [Mode.LENGTH] * 2
+    assert modes(control.next_command(state, 10.11)) == [Mode.ZERO_CURRENT] * 2
+
+
+def test_a_silence_that_goes_on_is_latched_again_after_clearing(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.2)
+    control.clear_faults()
+    control.next_command(state, 10.21)
+    assert control.lost.tolist() == [True, True]
+
+
 def test_a_missed_answer_is_no_outage(control: ControlPeriod, state: StateFrame) -> None:
     control.next_command(state, 10.0)
     control.next_command(state, 10.05)

@@ -1,7 +1,6 @@
 """The control thread takes the answers meant for it, and nobody floods or confuses it."""
 
 import dataclasses
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -62,8 +61,14 @@ class Run:
         control = ControlPeriod(robot, limits, WatchdogAction.ZERO_CURRENT, 0.1, SESSION)
         self.bus = LinkBus(robot, tamper)
         self.states: list[StateFrame] = []
-        lock = threading.Lock()
-        self.loop = ControlLoop(self.bus, control, lock, 200.0, self.states.append)
+        self.complaints: list[str] = []
+        self.loop = ControlLoop(
+            [self.bus],
+            control,
+            200.0,
+            lambda measured: self.states.append(measured.state),
+            self.complaints.append,
+        )
 
     def until(self, condition: Callable[[], bool]) -> None:
         self.loop.start()
