@@ -38,7 +38,6 @@ from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.control_loop import ControlLoop, Measurement
 from musashi_muscle_bridge.errors import CommandRejected
 from musashi_muscle_bridge.protocol import Fault, Mode, WatchdogAction
-from musashi_muscle_bridge.writers import SingleWriter
 
 _SWITCH_INTERVAL_SEC = 5e-5
 _COMMANDS = {
@@ -95,7 +94,7 @@ class BridgeNode(ManagedNode):
     def __init__(self) -> None:
         """Declare parameters."""
         super().__init__("bridge", TABLE)
-        self._rejected: dict[str, int] = {}
+        self._counts: dict[str, int] = {}  # of commands, by what was wrong with them
         self._last_rejection = ""
         self._faults: tuple[str, ...] = ()
         self._refused = 0
@@ -149,19 +148,10 @@ class BridgeNode(ManagedNode):
 
     def _connect(self) -> None:
         self._inputs = [
-            self.create_subscription(
-                kind, topic, self.guarded(self._taker(topic, self._command(mode, topic, field))), 10
-            )
+            self._listen(kind, topic, self._command(mode, field), 10)
             for mode, (kind, topic, field) in _COMMANDS.items()
         ]
-        self._inputs.append(
-            self.create_subscription(
-                CurrentOverride,
-                _OVERRIDE,
-                self.guarded(self._taker(_OVERRIDE, self._override)),
-                QoSProfile(depth=1),
-            )
-        )
+        self._inputs.append(self._listen(CurrentOverride, _OVERRIDE, self._override, 1))
         self._triggers = [
             self.create_service(Trigger, name, self.guarded(self._answer(action, text)))
             for name, action, text in (
@@ -184,13 +174,15 @@ class BridgeNode(ManagedNode):
 
     # Commands.
 
-    def _taker(
-        self, topic: str, take: Callable[[Any, SingleWriter, int], None]
-    ) -> Callable[[Any, Mapping[str, Any]], None]:
-        """Return a callback of messages that `take` puts in the control thread's queue."""
-        writer = SingleWriter(len(self._names))
+    def _listen(self, kind: Any, topic: str, take: Callable[[Any], None], depth: int) -> Any:
+        return self.create_subscription(
+            kind, topic, self.guarded(self._taker(topic, take)), QoSProfile(depth=depth)
+        )
 
-        def on_message(message: Any, info: Mapping[str, Any]) -> None:
+    def _taker(self, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback of messages that `take` puts in the control thread's queue."""
+
+        def on_message(message: Any) -> None:
             stamp = message.header.stamp
             try:
                 check_stamp(
@@ -198,36 +190,37 @@ class BridgeNode(ManagedNode):
                     self.get_clock().now().nanoseconds,
                     self._values["command_max_age"],
                 )
-                take(message, writer, info["publication_sequence_number"])
+                take(message)
             except CommandRejected as error:
-                key = f"rejected_{topic}_{error.reason}"
-                self._rejected[key] = self._rejected.get(key, 0) + 1
+                self._count(f"rejected_{topic}_{error.reason}")
                 self._last_rejection = f"{topic}: {error}"
                 self.get_logger().warning(f"rejected {topic}: {error}", throttle_duration_sec=1.0)
+                return
+            if self.count_publishers(topic) > 1:
+                # Whose it is, rclpy's executor does not tell.
+                self._count(f"contested_{topic}")
 
         return on_message
 
-    def _command(
-        self, mode: Mode, topic: str, field: str
-    ) -> Callable[[Any, SingleWriter, int], None]:
-        def take(message: Any, writer: SingleWriter, number: int) -> None:
+    def _count(self, key: str) -> None:
+        self._counts[key] = self._counts.get(key, 0) + 1
+
+    def _command(self, mode: Mode, field: str) -> Callable[[Any], None]:
+        def take(message: Any) -> None:
             now = self.monotonic()
             index = checked_index(message.name, self._names)
             values = checked_values(message.name, getattr(message, field))
-            writer.admit(number, index, self.count_publishers(topic), now)
             arbiter = self._control.arbiter
             self._loop.order(lambda: arbiter.command(mode, index, values, now))
 
         return take
 
-    def _override(self, message: CurrentOverride, writer: SingleWriter, number: int) -> None:
+    def _override(self, message: CurrentOverride) -> None:
         now = self.monotonic()
         index = checked_index(message.name, self._names)
         lease = message.lease.sec + message.lease.nanosec * 1e-9
         if index:
             check_lease(lease, self._values["max_lease"])
-        # An override speaks for all muscles: it releases those that it does not name.
-        writer.admit(number, range(len(self._names)), self.count_publishers(_OVERRIDE), now)
         arbiter = self._control.arbiter
         self._loop.order(lambda: arbiter.override(index, lease, now))
 
@@ -310,7 +303,7 @@ class BridgeNode(ManagedNode):
             "lost": self._named(report.lost),
             "refused_by_boards": self._refused,
         }
-        values |= self._loop.statistics() | self._rejected
+        values |= self._loop.statistics() | self._counts
         for problem, level, text in self._problems(latched, rebooted, report.emergency):
             if problem:
                 return level, text, values

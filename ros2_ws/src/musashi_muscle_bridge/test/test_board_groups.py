@@ -8,6 +8,7 @@ import pytest
 from fastswing_planner.board_groups import BoardGroup
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.board import Boards
+from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.protocol import CommandFrame, Fault, Mode, StateFrame, WatchdogAction
 
@@ -149,3 +150,23 @@ def test_a_read_only_bridge_arms_and_feeds_no_watchdog(arm: Arm) -> None:
     arm.control.read_only = True
     arm.run(TIMEOUT + 5 * PERIOD)
     assert (arm.boards.fault == Fault.WATCHDOG).all()
+
+
+def test_a_bridge_that_commands_takes_the_boards_from_one_that_reads(split: Robot) -> None:
+    boards = Boards(split)
+    link = BoardLink(boards)
+    limits = command_limits(split, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+
+    def bridge(session: int, read_only: bool) -> ControlPeriod:
+        action = WatchdogAction.ZERO_CURRENT
+        return ControlPeriod(split, limits, action, TIMEOUT, session, read_only)
+
+    def answered(control: ControlPeriod) -> bool:
+        link.advance(PERIOD)
+        command = control.next_commands([None, None], 0.0)[0]
+        return link.answer(command.encode()) is not None
+
+    reader, commander = bridge(1, True), bridge(2, False)
+    assert answered(reader)
+    assert answered(commander)
+    assert not answered(reader)
