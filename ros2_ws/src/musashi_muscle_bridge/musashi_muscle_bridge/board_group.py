@@ -20,6 +20,7 @@ from musashi_muscle_bridge.protocol import (
 
 _CLEAR_FRAMES = 3
 _CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
+_LOST_TIMEOUTS = 3  # of the watchdog: a hiccup of the answers alone is no lost bus
 _NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
 _NO_ROWS = np.zeros(0, dtype=COMMAND_ROW)
 
@@ -29,8 +30,8 @@ class GroupControl:
 
     muscles  index of the group's k muscles in the robot's order
     joints   index of the joints that it measures
-    lost     it did not answer for longer than the watchdog timeout; latched until cleared
-    back     the newest answer is the first one after such a silence
+    lost     it was silent for three times the watchdog timeout; latched until cleared
+    back     the newest answer is the first one after more than the watchdog timeout
     """
 
     def __init__(
@@ -109,9 +110,10 @@ class GroupControl:
         return self._with_reboots(faulty, state.rows["boots"])
 
     def _notice_silence(self, sequence: int, now: float) -> None:
-        silent = self._answered is not None and now - self._answered_at > self._watchdog_timeout
-        self.lost |= silent
-        self.back = silent and sequence != self._answered
+        """Boards that hear nothing act by themselves; this is about those that are not heard."""
+        silence = 0.0 if self._answered is None else now - self._answered_at
+        self.lost |= silence > _LOST_TIMEOUTS * self._watchdog_timeout
+        self.back = silence > self._watchdog_timeout and sequence != self._answered
         if sequence != self._answered:
             self._answered = sequence
             self._answered_at = now

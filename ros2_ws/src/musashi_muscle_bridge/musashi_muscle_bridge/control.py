@@ -164,8 +164,16 @@ class ControlPeriod:
         faulty = self._whole(
             [group.faulty(state, now) for group, state in zip(self.groups, known, strict=True)]
         )
+        for group in self.groups:
+            if group.back:
+                # Meanwhile the arm may have moved: hold it where it is, forget the commands.
+                self.arbiter.hold(group.muscles)
         if any(group.lost for group in self.groups):
-            faulty = self._with_lost(faulty)
+            # Do with a lost group what its watchdog does, whichever direction was cut.
+            if self._keeps_lost:
+                self.arbiter.keep(self.lost)
+            else:
+                faulty = faulty | self.lost
         setpoints = self.arbiter.update(
             now,
             self._whole([state.rows["length"] for state in known]),
@@ -173,17 +181,6 @@ class ControlPeriod:
             faulty,
         )
         return [group.command(setpoints) for group in self.groups]
-
-    def _with_lost(self, faulty: BoolVector) -> BoolVector:
-        """Do with a silent group what its watchdog does, whichever direction was cut."""
-        if not self._keeps_lost:
-            return faulty | self.lost
-        self.arbiter.keep(self.lost)
-        for group in self.groups:
-            if group.back:
-                # Meanwhile the arm may have moved: it is kept where it is now.
-                self.arbiter.hold(group.muscles)
-        return faulty
 
     def merged(self, states: Sequence[StateFrame]) -> StateFrame:
         """Return the state of the whole robot, rows and joints in the robot's order."""

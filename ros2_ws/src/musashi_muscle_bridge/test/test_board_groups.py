@@ -14,6 +14,7 @@ from musashi_muscle_bridge.protocol import CommandFrame, Fault, Mode, StateFrame
 
 PERIOD = 0.002
 TIMEOUT = 0.1
+LOST = 3.1 * TIMEOUT
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +97,7 @@ def test_a_command_reaches_the_board_of_its_muscle(arm: Arm) -> None:
 @pytest.mark.parametrize("cut", ["deaf", "mute"])
 def test_a_lost_group_is_latched_and_the_other_one_goes_on(arm: Arm, cut: str) -> None:
     cuts: dict[str, tuple[int, ...]] = {cut: (0,)}
-    arm.run(TIMEOUT + 5 * PERIOD, deaf=cuts.get("deaf", ()), mute=cuts.get("mute", ()))
+    arm.run(LOST, deaf=cuts.get("deaf", ()), mute=cuts.get("mute", ()))
     assert arm.control.lost.tolist() == [False, True]
     assert arm.boards.state(0).rows["mode"].tolist() == [Mode.LENGTH, Mode.ZERO_CURRENT]
 
@@ -113,14 +114,14 @@ def test_with_hold_length_a_lost_group_holds_whichever_direction_was_cut(
     arm = Arm(split, WatchdogAction.HOLD_LENGTH)
     arm.run(0.1)
     cuts: dict[str, tuple[int, ...]] = {cut: (0,)}
-    arm.run(0.3, deaf=cuts.get("deaf", ()), mute=cuts.get("mute", ()))
+    arm.run(LOST, deaf=cuts.get("deaf", ()), mute=cuts.get("mute", ()))
     arm.control.arbiter.command(Mode.TENSION, [1], np.array([0.0]), arm.now)
     arm.run(0.05)
     assert arm.boards.state(0).rows["mode"].tolist() == [Mode.LENGTH] * 2
 
 
 def test_a_group_that_is_back_stays_latched_until_faults_are_cleared(arm: Arm) -> None:
-    arm.run(0.2, deaf=(0,))
+    arm.run(LOST, deaf=(0,))
     arm.run(0.2)
     assert arm.boards.state(0).rows["mode"].tolist() == [Mode.LENGTH, Mode.ZERO_CURRENT]
     arm.control.clear_faults()

@@ -342,11 +342,11 @@ def test_boards_that_were_silent_stay_where_they_are_until_faults_are_cleared(
     control: ControlPeriod, state: StateFrame
 ) -> None:
     control.next_command(state, 10.0)
-    control.next_command(state, 10.2)
+    control.next_command(state, 10.31)
     back = moved(state, 3, 0.1)
-    control.next_command(back, 10.3)
-    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([0.9, 0.9]), 10.3)
-    found = control.next_command(moved(state, 4, 0.1), 10.31).rows["setpoint"]
+    control.next_command(back, 10.4)
+    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([0.9, 0.9]), 10.4)
+    found = control.next_command(moved(state, 4, 0.1), 10.41).rows["setpoint"]
     np.testing.assert_allclose(found, back.rows["length"])
 
 
@@ -354,12 +354,12 @@ def test_boards_that_were_silent_follow_again_after_clearing(
     control: ControlPeriod, state: StateFrame
 ) -> None:
     control.next_command(state, 10.0)
-    control.next_command(state, 10.2)
-    control.next_command(moved(state, 3, 0.1), 10.3)
+    control.next_command(state, 10.31)
+    control.next_command(moved(state, 3, 0.1), 10.4)
     control.clear_faults()
-    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([1.1, 1.1]), 10.3)
+    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([1.1, 1.1]), 10.4)
     for period in range(4, 400):
-        command = control.next_command(moved(state, period, 0.1), 10.3 + PERIOD * period)
+        command = control.next_command(moved(state, period, 0.1), 10.4 + PERIOD * period)
     np.testing.assert_allclose(command.rows["setpoint"], [1.1, 1.1])
     assert not control.lost.any()
 
@@ -369,17 +369,17 @@ def test_silent_boards_get_no_current_where_that_is_the_watchdog_action(hoist: R
     control = ControlPeriod(hoist, limits, WatchdogAction.ZERO_CURRENT, 0.1)
     state = Boards(hoist).state(1)
     control.next_command(state, 10.0)
-    assert modes(control.next_command(state, 10.09)) == [Mode.LENGTH] * 2
-    assert modes(control.next_command(state, 10.11)) == [Mode.ZERO_CURRENT] * 2
+    assert modes(control.next_command(state, 10.29)) == [Mode.LENGTH] * 2
+    assert modes(control.next_command(state, 10.31)) == [Mode.ZERO_CURRENT] * 2
 
 
 def test_a_silence_that_goes_on_is_latched_again_after_clearing(
     control: ControlPeriod, state: StateFrame
 ) -> None:
     control.next_command(state, 10.0)
-    control.next_command(state, 10.2)
+    control.next_command(state, 10.31)
     control.clear_faults()
-    control.next_command(state, 10.21)
+    control.next_command(state, 10.32)
     assert control.lost.tolist() == [True, True]
 
 
