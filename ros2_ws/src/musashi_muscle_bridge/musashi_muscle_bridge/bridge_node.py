@@ -34,7 +34,7 @@ from musashi_muscle_bridge.commands import (
     checked_index,
     checked_values,
 )
-from musashi_muscle_bridge.control import ControlPeriod, command_limits
+from musashi_muscle_bridge.control import ControlPeriod, command_limits, slack
 from musashi_muscle_bridge.control_loop import ControlLoop, Measurement
 from musashi_muscle_bridge.errors import CommandRejected
 from musashi_muscle_bridge.protocol import Fault, Mode, WatchdogAction
@@ -98,6 +98,7 @@ class BridgeNode(ManagedNode):
         self._last_rejection = ""
         self._faults: tuple[str, ...] = ()
         self._refused = 0
+        self._slack = ""
         self._emergency_latched = False  # over a deactivation
         self._inputs: list[Any] = []
         self._triggers: list[Any] = []
@@ -259,6 +260,7 @@ class BridgeNode(ManagedNode):
             for name, number in zip(self._names, fault, strict=True)
             if number
         )
+        self._slack = self._named(slack(measured.state))
         self._refused = int(rows["refused"].max(initial=0))
         self._muscle_state.publish(
             MuscleState(
@@ -301,6 +303,7 @@ class BridgeNode(ManagedNode):
             "latched": latched,
             "rebooted": rebooted,
             "lost": self._named(report.lost),
+            "slack": self._slack,
             "refused_by_boards": self._refused,
         }
         values |= self._loop.statistics() | self._counts
@@ -326,6 +329,7 @@ class BridgeNode(ManagedNode):
         yield emergency, error, "emergency stop, see clear_faults"
         yield silent, error, f"the boards do not answer{where}"
         yield doubled, error, f"two publishers on {', '.join(doubled)}"
+        yield self._slack, DiagnosticStatus.WARN, f"slack in tension mode: {self._slack}"
         yield self._last_rejection, DiagnosticStatus.WARN, f"rejected {self._last_rejection}"
 
     def _named(self, chosen: NDArray[np.bool_]) -> str:

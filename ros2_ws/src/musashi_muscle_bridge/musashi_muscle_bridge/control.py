@@ -19,6 +19,7 @@ from musashi_muscle_bridge.protocol import (
     JOINT_ROW,
     STATE_ROW,
     CommandFrame,
+    Mode,
     StateFrame,
     WatchdogAction,
 )
@@ -61,6 +62,12 @@ def command_limits(
         stream_timeout=stream_timeout,
         max_lease=max_lease,
     )
+
+
+def slack(state: StateFrame) -> BoolVector:
+    """Return which boards follow a tension and measure none, shape (m,)."""
+    followed = state.rows["mode"] == Mode.TENSION
+    return np.asarray(followed & (state.rows["tension"] <= 0.0))
 
 
 class ControlReport(NamedTuple):

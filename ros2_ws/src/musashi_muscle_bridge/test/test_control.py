@@ -7,7 +7,7 @@ import pytest
 
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range
+from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range, slack
 from musashi_muscle_bridge.errors import FrameError
 from musashi_muscle_bridge.protocol import (
     CommandFrame,
@@ -402,3 +402,18 @@ def test_late_answers_from_before_a_clearing_do_not_latch_again(
             dataclasses.replace(late, sequence=period - 10), 10.0 + PERIOD * period
         )
     assert modes(command) == [Mode.LENGTH, Mode.LENGTH]
+
+
+# Slack.
+
+
+@pytest.mark.parametrize(
+    ("mode", "tension", "found"),
+    [(Mode.TENSION, 0.0, True), (Mode.TENSION, 5.0, False), (Mode.LENGTH, 0.0, False)],
+)
+def test_a_slack_wire_in_tension_mode_is_found(
+    state: StateFrame, mode: Mode, tension: float, found: bool
+) -> None:
+    rows = state.rows.copy()
+    rows["mode"], rows["tension"] = [mode, Mode.LENGTH], [tension, 20.0]
+    assert slack(dataclasses.replace(state, rows=rows)).tolist() == [found, False]
