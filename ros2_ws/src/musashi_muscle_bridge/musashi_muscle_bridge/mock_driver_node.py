@@ -4,7 +4,8 @@ import secrets
 import threading
 import time
 import traceback
-from collections.abc import Hashable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,9 @@ from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.bus import open_board_port
+from musashi_muscle_bridge.bus import group_urls, open_all, open_board_port
 from musashi_muscle_bridge.bus_parameters import BUS_URL
-from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
+from musashi_muscle_bridge.emulated_bus import EmulatedBus
 from musashi_muscle_bridge.injected_faults import (
     ARM_FAULTS,
     ArmFaults,
@@ -32,6 +33,7 @@ _IDLE_SEC = 0.002
 _SLICE_SEC = 0.01
 _MAX_BACKLOG_SEC = 0.2
 _MAX_FRAMES_AT_ONCE = 64
+_LINE_FAULTS = ("latency", "jitter", "loss", "corruption")
 
 
 def _line_fault(name: str, description: str, unit: str = "") -> Parameter:
@@ -70,15 +72,18 @@ class MockDriverNode(ManagedNode):
         """Build the arm."""
         robot = load_robot(resolve_path(parameters["robot_description"]))
         self._names = robot.model.muscle_names
-        self._url: str = parameters["bus_url"]
+        self._urls = group_urls(parameters["bus_url"], len(robot.board_groups))
         try:
             self._boards = FaultyBoards(robot)
         except RobotDescriptionError as error:
             raise RobotDescriptionError(f"{robot.path}: {error}") from error
         # Boards without memory draw a number at each start.
-        self._link = BoardLink(self._boards, secrets.randbits(16))
-        self._commands: FaultyLine[Hashable] = FaultyLine(parameters["seed"])
-        self._answers: FaultyLine[Hashable] = FaultyLine(parameters["seed"] + 1)
+        self._buses = [
+            EmulatedBus(
+                BoardLink(self._boards, secrets.randbits(16), group), parameters["seed"] + 2 * group
+            )
+            for group in range(len(self._urls))
+        ]
         self.parameters_changed(parameters)
 
     def judge_parameter(self, name: str, value: Any) -> None:
@@ -91,24 +96,25 @@ class MockDriverNode(ManagedNode):
         self._next_faults = ArmFaults(
             **{name: chosen_muscles(name, parameters[name], self._names) for name in ARM_FAULTS}
         )
-        loss, corruption = parameters["loss"], parameters["corruption"]
-        self._commands.faults = LineFaults(0.0, 0.0, loss, corruption)
-        self._answers.faults = LineFaults(
-            parameters["latency"], parameters["jitter"], loss, corruption
-        )
+        for bus in self._buses:
+            bus.set_faults(*(parameters[name] for name in _LINE_FAULTS))
 
     def activate(self) -> None:
-        """Open the port and let time pass."""
-        self._port = open_board_port(self._url)
+        """Open the ports and let time pass."""
+        ports = open_all(open_board_port, self._urls)
+        for bus, port in zip(self._buses, ports, strict=True):
+            bus.port = port
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
         self._thread.start()
 
     def deactivate(self) -> None:
-        """Stop time and close the port."""
+        """Stop time and close the ports."""
         self._stop.set()
         self._thread.join()
-        self._port.close()
+        for bus in self._buses:
+            if bus.port is not None:
+                bus.port.close()
 
     def _run(self) -> None:
         try:
@@ -132,44 +138,50 @@ class MockDriverNode(ManagedNode):
 
     def _listen(self, count: int, patience: float) -> None:
         """Take the frames that wait, so that none grows old behind the plant."""
-        patience = min(patience, max(self._answers.due() - time.monotonic(), 0.0))
-        for _ in range(count):
-            received = self._port.receive(patience)
-            if received is None:
-                return
-            self._commands.put(received.frame, received.sender, time.monotonic())
-            patience = 0.0
+        due = min(bus.answers.due() for bus in self._buses)
+        patience = min(patience, max(due - time.monotonic(), 0.0)) / len(self._buses)
+        for bus in self._buses:
+            for attempt in range(count):
+                if not bus.receive(0.0 if attempt else patience, time.monotonic()):
+                    break
 
     def _pass(self, elapsed: float) -> None:
         faults, self._next_faults = self._next_faults, None
         if faults is not None:
             self._boards.inject(faults)
-        self._link.advance(elapsed)
+        for bus in self._buses:
+            bus.link.wait(elapsed)
+        self._boards.advance(elapsed)
 
     def _exchange(self, now: float) -> None:
-        for frame, sender in self._commands.take(now):
-            answer = self._link.answer(frame, sender)
-            if answer is not None:
-                self._answers.put(answer, sender, now)
-        for answer, sender in self._answers.take(now):
-            self._port.send(answer, sender)
+        for bus in self._buses:
+            bus.exchange(now)
 
     def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
         """Report frames, faults and lost time."""
         if not self.is_active:
             return DiagnosticStatus.OK, "inactive", {}
         values: dict[str, object] = {
-            "frames": self._link.frames,
-            **{f"refused_{reason}": count for reason, count in self._link.refused.items()},
-            **{f"bus_{reason}": count for reason, count in self._port.dropped.items()},
-            "lost_on_purpose": self._commands.lost + self._answers.lost,
-            "corrupted_on_purpose": self._commands.corrupted + self._answers.corrupted,
+            "frames": sum(bus.link.frames for bus in self._buses),
+            **_total("refused", [bus.link.refused for bus in self._buses]),
+            **_total("bus", [bus.port.dropped for bus in self._buses if bus.port is not None]),
+            "lost_on_purpose": sum(bus.lost for bus in self._buses),
+            "corrupted_on_purpose": sum(bus.corrupted for bus in self._buses),
             "skipped_seconds": round(self._skipped, 3),
             "faulty_boards": int(np.count_nonzero(self._boards.fault)),
         }
         if not self._thread.is_alive():
             return DiagnosticStatus.ERROR, "the boards stopped, see the log", values
         return DiagnosticStatus.OK, "ok", values
+
+
+def _total(prefix: str, counts: Iterable[Mapping[str, int]]) -> Counter[str]:
+    """Add up the counts of all buses, by reason."""
+    total: Counter[str] = Counter()
+    for one in counts:
+        # `update` keeps zeros, where `+` drops them.
+        total.update({f"{prefix}_{reason}": count for reason, count in one.items()})
+    return total
 
 
 def main() -> int:
