@@ -91,6 +91,7 @@ class View:
 
     def _swing(self, method: str) -> None:
         goal = ExecuteSwing.Goal(
+            stamp=self.node.get_clock().now().to_msg(),
             start_position=self.robot.postures["start"].tolist(),
             end_position=self.robot.postures["end"].tolist(),
             options=SwingOptions(method=getattr(SwingOptions, f"METHOD_{method}")),

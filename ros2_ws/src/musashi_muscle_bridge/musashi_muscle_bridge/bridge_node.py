@@ -84,6 +84,7 @@ class BridgeNode(ManagedNode):
         self._last_rejection = ""
         self._faults: tuple[str, ...] = ()
         self._refused = 0
+        self._holds = 0  # so that a running swing notices that somebody holds the arm
         self._emergency_latched = False  # over a deactivation
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
@@ -211,9 +212,11 @@ class BridgeNode(ManagedNode):
 
     def _clear_faults(self) -> None:
         self._control.clear_faults()
+        self._holds += 1
 
     def _hold(self) -> None:
         self._control.arbiter.hold()
+        self._holds += 1
 
     # States.
 
@@ -237,6 +240,7 @@ class BridgeNode(ManagedNode):
                 temperature=rows["temperature"].tolist(),
                 mode=rows["mode"].tolist(),
                 fault=rows["fault"].tolist(),
+                holds=self._holds,
             )
         )
         self._joint_state.publish(
