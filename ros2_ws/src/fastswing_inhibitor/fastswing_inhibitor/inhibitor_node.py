@@ -1,7 +1,6 @@
 """Method 1 as a node: joint state in, current override out."""
 
 import math
-import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -152,13 +151,8 @@ class InhibitorNode(ManagedNode):
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         self._override = self.create_publisher(CurrentOverride, "current_override", newest)
         self._status = self.create_publisher(InhibitionStatus, "inhibition_status", 10)
-        take = self.guarded(self._on_joint_state)
         self._subscription = self.create_subscription(
-            JointState,
-            "joint_states",
-            # Two arguments tell rclpy that the time of receipt is wanted.
-            lambda message, info: take(message, info),
-            qos_profile_sensor_data,
+            JointState, "joint_states", self.guarded(self._on_joint_state), qos_profile_sensor_data
         )
         self._arm_service = self.create_service(
             ArmInhibitor, "arm_inhibitor", self.guarded(self._on_arm)
@@ -178,13 +172,12 @@ class InhibitorNode(ManagedNode):
         self.destroy_publisher(self._override)
         self.destroy_publisher(self._status)
 
-    def _on_joint_state(self, message: JointState, info: Mapping[str, int]) -> None:
+    def _on_joint_state(self, message: JointState) -> None:
         now = self.monotonic()
-        received = info["received_timestamp"]
         self._states += 1
         inhibition = self._inhibition
         try:
-            joints = self._reader.read(message, now - self._age(message, received))
+            joints = self._reader.read(message, now - max(self._age(message), 0.0))
             if not inhibition.armed:
                 inhibition.see(joints.time)
                 return
@@ -201,20 +194,20 @@ class InhibitorNode(ManagedNode):
         self._override.publish(
             CurrentOverride(header=message.header, name=inhibited, lease=self._lease)
         )
-        self._latency.add((time.time_ns() - received) * 1e-9)
+        self._latency.add(self._age(message))
         self._status.publish(self._status_message(message.header, decision, inhibited))
         if not inhibition.armed:
             self._report_end()
 
-    def _age(self, message: JointState, received_ns: int) -> float:
-        """Return how old a joint state is [s]: since its stamp, at least since its receipt.
+    def _age(self, message: JointState) -> float:
+        """Return how old a joint state is by its stamp [s]; negative if a clock jumped.
 
-        The receipt alone would make states fresh that were kept while this process stood still.
+        Its receipt alone would make states fresh that waited while this process stood still, and
+        EventsExecutor of rclpy 7.1 ends the process when a callback asks for the time of receipt.
         """
         stamp = message.header.stamp
         made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        since_made = self.get_clock().now().nanoseconds - made_ns
-        return max(since_made, time.time_ns() - received_ns, 0) * 1e-9
+        return float(self.get_clock().now().nanoseconds - made_ns) * 1e-9
 
     def _on_watch(self) -> None:
         if not self._inhibition.armed:
