@@ -37,7 +37,7 @@ OUTSIDE = 100.0
 NEVER_BEGUN = 1e4
 """Cost of an arm that does not come to rest in the start posture."""
 HASTY = ExecutionSettings(
-    rest_time=0.1, rest_speed=0.2, phase_limit=1.5, swing_limit=1.2, recover_time=0.01
+    rest_time=0.1, rest_speed=0.2, settle_limit=1.5, swing_limit=1.2, recover_time=0.01
 )
 """Every candidate begins in the start posture and is watched no longer than needed."""
 

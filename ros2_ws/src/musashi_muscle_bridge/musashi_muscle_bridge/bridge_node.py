@@ -99,6 +99,7 @@ class BridgeNode(ManagedNode):
         self._faults: tuple[str, ...] = ()
         self._refused = 0
         self._slack = ""
+        self._holds = 0  # so that a running swing notices that somebody holds the arm
         self._emergency_latched = False  # over a deactivation
         self._inputs: list[Any] = []
         self._triggers: list[Any] = []
@@ -243,9 +244,11 @@ class BridgeNode(ManagedNode):
 
     def _clear_faults(self) -> None:
         self._loop.order(self._control.clear_faults)
+        self._holds += 1
 
     def _hold(self) -> None:
         self._loop.order(self._control.arbiter.hold)
+        self._holds += 1
 
     # States.
 
@@ -273,6 +276,7 @@ class BridgeNode(ManagedNode):
                 temperature=rows["temperature"].tolist(),
                 mode=rows["mode"].tolist(),
                 fault=fault.tolist(),
+                holds=self._holds,
             )
         )
         if not measured.joints_fresh:

@@ -137,6 +137,8 @@ class ClosedLoop:
         if self._inhibition.armed:
             decision = self._inhibition.decide(joints)
             inhibited = np.flatnonzero(decision.inhibited).tolist()
+        else:
+            self._inhibition.see(joints.time)
         self._overrides.append(inhibited)
         self.control.arbiter.override(self._overrides.popleft(), 0.05, self._now)
 
