@@ -19,6 +19,8 @@ from fastswing_planner.errors import PlannerError, SwingAborted
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
 from fastswing_planner.holding import Holding
+from fastswing_planner.muscle_model import MuscleModel, Payload
+from fastswing_planner.plan_conversion import payload_from_options
 from fastswing_planner.request import Method
 from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot import Robot
@@ -44,13 +46,13 @@ _SETTLED_SEC = 0.05
 class SwingSurroundings:
     """What every goal of an executor shares.
 
-    hold             how a posture [rad], shape (n,), is held
+    hold             how a posture [rad], shape (n,), is held with a payload
     rest             whether the arm rests
     service_timeout  [s] longest wait for the planner, beside its search's time limit
     """
 
     robot: Robot
-    hold: Callable[[Vector], Holding]
+    hold: Callable[[Vector, Payload | None], Holding]
     rest: RestWatch
     settings: ExecutionSettings
     service_timeout: float
@@ -177,6 +179,7 @@ class SwingGoal:
     ) -> SwingExecution | None:
         """Return the execution of the plan; None while the arm does not rest."""
         around, method = self._around, Method(plan.method)
+        _refuse_foreign_plan(plan, around.robot.model)
         if joints is None or muscles is None:
             raise SwingAborted("NOT_READY", "no joint and muscle states yet: is the bridge active?")
         age = now - min(joints.time, muscles.time)
@@ -195,6 +198,7 @@ class SwingGoal:
                     "raised only from rest",
                 )
             return None
+        payload = payload_from_options(self._handle.request.options, around.robot.payload_body)
         swing = PreparedSwing(
             method=method,
             start=frozen(plan.start_position),
@@ -205,7 +209,7 @@ class SwingGoal:
         )
         return SwingExecution(
             around.robot.model,
-            around.hold,
+            lambda posture: around.hold(posture, payload),
             around.robot.wire_stiffness,
             swing,
             around.settings,
@@ -253,7 +257,8 @@ class SwingGoal:
             goal_position=plan.end_position,
             # The plan's own C, not the inhibitor's parameter: it was predicted with this one.
             threshold=options.threshold,
-            kept_muscle=options.kept_muscle,
+            # What is paid out stays driven: the hybrid inhibits the others.
+            kept_muscle=[*options.kept_muscle, *(set(_elongated(plan)) - set(options.kept_muscle))],
             time_limit=Duration(sec=int(limit), nanosec=int(limit % 1.0 * 1e9)),
         )
 
@@ -328,3 +333,21 @@ def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
     if response.error_code != ErrorCode.SUCCESS:
         raise SwingAborted(error_name(response.error_code), response.error_string)
     return response
+
+
+def _elongated(plan: SwingPlanMessage) -> list[str]:
+    rows = zip(plan.muscle_name, plan.mask, plan.inhibited, strict=True)
+    return [name for name, kept, inhibited in rows if not kept and not inhibited]
+
+
+def _refuse_foreign_plan(plan: SwingPlanMessage, model: MuscleModel) -> None:
+    for what, planned, own in (
+        ("joints", plan.joint_name, model.joint_names),
+        ("muscles", plan.muscle_name, model.muscle_names),
+    ):
+        if tuple(planned) != own:
+            raise SwingAborted(
+                "NOT_READY",
+                f"the planner's robot has the {what} {', '.join(planned)}, this one "
+                f"{', '.join(own)}: give both nodes the same robot_description",
+            )
