@@ -10,6 +10,7 @@ import pytest
 from action_msgs.msg import GoalStatus
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
+from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
 from fastswing_msgs.action import ExecuteSwing
@@ -28,10 +29,19 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
-SLOW: dict[str, dict[str, object]] = {
-    "swing_executor": {"elongate_speed": 0.02, "rest_time": 0.5, "recover_time": 1.0},
+NODES: dict[str, dict[str, object]] = {
+    "mock_driver": {},
+    "bridge": {"watchdog_timeout": 1.0},
+    "planner": {},
+    "swing_executor": {
+        "elongate_speed": 0.02,
+        "rest_time": 0.5,
+        "recover_time": 1.0,
+        "state_timeout": 0.5,
+    },
+    "inhibitor": {"state_timeout": 0.5, "lease": 0.2},
 }
-"""So that every phase lasts long enough to be met."""
+"""So that every phase lasts long enough to be met, and for a shared machine that stalls."""
 METHOD_1 = SwingOptions(method=SwingOptions.METHOD_INHIBIT)
 STILL = 0.05
 """[rad] by which an arm that is held may move in half a second, once it came to rest."""
@@ -42,25 +52,36 @@ class Watched:
 
     def __init__(self, suite: "Suite") -> None:
         self.suite = suite
-        self.inhibition: list[InhibitionStatus] = []
+        self.inhibition = InhibitionStatus()
         suite.node.create_subscription(
-            InhibitionStatus, "inhibition_status", self.inhibition.append, 1000
+            InhibitionStatus, "inhibition_status", self._on_inhibition, QoSProfile(depth=1)
         )
 
-    @property
-    def armed(self) -> bool:
-        return bool(self.inhibition) and self.inhibition[-1].armed
+    def _on_inhibition(self, message: InhibitionStatus) -> None:
+        self.inhibition = message
+
+    def disarm(self) -> bool:
+        """Disarm the inhibitor; return whether it was armed."""
+        answer = self.suite.ask(Trigger, "disarm_inhibitor", Trigger.Request())
+        return bool(answer.message != "was not armed")
 
 
 @pytest.fixture(scope="module")
-def watched(all_nodes: "Suite") -> Watched:
-    """Let the executor take its time."""
-    all_nodes.processes["swing_executor"].send(signal.SIGTERM)
-    all_nodes.processes["swing_executor"].wait(60.0)
-    all_nodes.start("swing_executor", **SLOW["swing_executor"])
-    all_nodes.wait_for_state("swing_executor", State.PRIMARY_STATE_ACTIVE)
-    all_nodes.wait_until_swings_are_judged()
-    return Watched(all_nodes)
+def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
+    """Start everything that a swing needs."""
+    from test.conftest import Suite
+
+    suite = Suite(tmp_path_factory.mktemp("watched"))
+    try:
+        for name, parameters in NODES.items():
+            suite.start(name, **parameters)
+        for name in NODES:
+            suite.wait_for_state(name, State.PRIMARY_STATE_ACTIVE)
+        suite.hold()
+        suite.wait_until_swings_are_judged()
+        yield Watched(suite)
+    finally:
+        suite.close()
 
 
 class Running:
@@ -71,15 +92,19 @@ class Running:
         self.phases: list[Phase] = []
         goal = suite.goal(options=METHOD_1, **changes)
         self.handle = suite.send_goal(goal, self._on_feedback)
+        self.ended = self.handle.get_result_async()
 
     def _on_feedback(self, message: Any) -> None:
         self.phases.append(Phase(message.feedback.phase))
 
     def until(self, phase: Phase) -> None:
-        self.suite.until(f"the phase {phase.name}", lambda: phase in self.phases)
+        self.suite.until(
+            f"the phase {phase.name}", lambda: phase in self.phases or self.ended.done()
+        )
+        assert phase in self.phases, self.ended.result().result.error_string
 
     def result(self) -> Any:
-        return self.suite.swing_result(self.handle)
+        return self.suite.result_of(self.ended, "the result of the swing")
 
     def cancel(self) -> Any:
         self.handle.cancel_goal_async()
@@ -104,11 +129,15 @@ class Outcome:
 
 def outcome(watched: Watched, ended: Any) -> Outcome:
     suite = watched.suite
-    commands = len(suite.length_commands)
+    ended_at = suite.now().stamp
     modes = set(suite.fresh_muscles().mode)
-    armed = watched.armed
+    armed = watched.disarm()
     suite.let_states_pass(300)
-    commanded = len(suite.length_commands) - commands
+    # By their stamps: some from before may still have been on their way to this process.
+    stamps = [command.header.stamp for command in suite.length_commands]
+    commanded = sum(
+        (stamp.sec, stamp.nanosec) > (ended_at.sec, ended_at.nanosec) for stamp in stamps
+    )
     before = suite.fresh_posture()
     suite.let_states_pass(150)
     moved = float(np.abs(suite.fresh_posture() - before).max())
@@ -189,7 +218,7 @@ def preempted(request: pytest.FixtureRequest, watched: Watched) -> Iterator[Pree
         ended = first.result()
         modes = set(watched.suite.fresh_muscles().mode)
         result = ended.result
-        armed = watched.armed
+        armed = watched.disarm()
     finally:
         let_the_planner_go_on(watched)
     second.until(Phase.RAISE)
@@ -291,15 +320,14 @@ def interrupt(watched: Watched, kind: Any, topic: str, field: str) -> tuple[int,
     swing = run_until(watched, Phase.RAISE)
     assert suite.muscles is not None
     value = suite.muscles.length[0] if field == "length" else 20.0
-    result = swing.handle.get_result_async()
     suite.publish_until(
         publisher,
         lambda: kind(header=suite.now(), name=["#1"], **{field: [value]}),
         "the end of the swing",
-        result.done,
+        swing.ended.done,
     )
     suite.node.destroy_publisher(publisher)
-    ended = result.result().result
+    ended = swing.result().result
     return ended.error_code, ended.error_string
 
 
@@ -330,8 +358,8 @@ def test_a_method_1_swing_whose_executor_is_deactivated_leaves_the_inhibitor_dis
         assert suite.ask(ChangeState, "swing_executor/change_state", request).success
         if transition == Transition.TRANSITION_DEACTIVATE:
             assert swing.result().result.error_code == ErrorCode.CANCELED
-    suite.until("the disarming", lambda: not watched.armed)
-    assert watched.inhibition[-1].reason == InhibitionStatus.REASON_DISARMED
+    suite.until("the disarming", lambda: not watched.inhibition.armed)
+    assert watched.inhibition.reason == InhibitionStatus.REASON_DISARMED
 
 
 # Late.
