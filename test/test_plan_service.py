@@ -223,8 +223,8 @@ def test_a_request_comes_before_the_parameter(lone_planner: "Suite") -> None:
     [
         ("solver", "daqp", "solver takes effect at configuration: deactivate and clean up first"),
         ("solver", "gurobi", "solver is 'gurobi', choose from: proxsuite, daqp"),
-        ("time_step", 0.0, "time_step is 0.0, expected 0.0001 to 1 s"),
-        ("epsilon", float("nan"), "epsilon is nan, expected 1e-05 to 1 rad"),
+        ("time_step", 0.0, "time_step is 0.0, expected 0.001 to 1 s"),
+        ("epsilon", float("nan"), "epsilon is nan, expected 0.0001 to 1 rad"),
         ("max_steps", 0, "max_steps is 0, expected 1 to 100000"),
         ("search_time_limit", -1.0, "search_time_limit is -1.0, expected 0.001 to 3600 s"),
     ],
