@@ -302,10 +302,9 @@ def test_a_swing_whose_executor_is_deactivated_still_gets_its_result(raising: Ra
     change(raising.suite, Transition.TRANSITION_DEACTIVATE, "swing_executor")
     result = raising.suite.swing_result(raising.handle).result
     change(raising.suite, Transition.TRANSITION_ACTIVATE, "swing_executor")
-    assert (result.error_code, result.error_string) == (
-        ErrorCode.CANCELED,
-        "the node was deactivated",
-    )
+    # It cannot wait for the bridge to confirm the hold; it says so then.
+    assert result.error_code == ErrorCode.CANCELED
+    assert result.error_string.startswith("the node was deactivated")
 
 
 @pytest.fixture

@@ -72,6 +72,7 @@ class SwingGoal:
         self._around = around
         self._began = np.nan
         self._deadline = np.nan
+        self._states_deadline = np.nan
         self._plan: SwingPlanMessage | None = None
         self._holds: int | None = None
         self._execution: SwingExecution | None = None
@@ -166,6 +167,7 @@ class SwingGoal:
             self._around.links.plan.publish(self._plan)
             # From now on the wait is for the arm.
             self._deadline = now + self._around.settings.settle_limit
+            self._states_deadline = now + self._around.service_timeout
             return
         if now > self._deadline:
             raise SwingAborted("NOT_READY", "plan_swing does not answer: is the planner running?")
@@ -181,6 +183,8 @@ class SwingGoal:
         around, method = self._around, Method(plan.method)
         _refuse_foreign_plan(plan, around.robot.model)
         if joints is None or muscles is None:
+            if now < self._states_deadline:
+                return None
             raise SwingAborted("NOT_READY", "no joint and muscle states yet: is the bridge active?")
         age = now - min(joints.time, muscles.time)
         if age > around.settings.state_timeout:
@@ -257,8 +261,7 @@ class SwingGoal:
             goal_position=plan.end_position,
             # The plan's own C, not the inhibitor's parameter: it was predicted with this one.
             threshold=options.threshold,
-            # What is paid out stays driven: the hybrid inhibits the others.
-            kept_muscle=[*options.kept_muscle, *(set(_elongated(plan)) - set(options.kept_muscle))],
+            kept_muscle=options.kept_muscle,
             time_limit=Duration(sec=int(limit), nanosec=int(limit % 1.0 * 1e9)),
         )
 
@@ -333,11 +336,6 @@ def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
     if response.error_code != ErrorCode.SUCCESS:
         raise SwingAborted(error_name(response.error_code), response.error_string)
     return response
-
-
-def _elongated(plan: SwingPlanMessage) -> list[str]:
-    rows = zip(plan.muscle_name, plan.mask, plan.inhibited, strict=True)
-    return [name for name, kept, inhibited in rows if not kept and not inhibited]
 
 
 def _refuse_foreign_plan(plan: SwingPlanMessage, model: MuscleModel) -> None:

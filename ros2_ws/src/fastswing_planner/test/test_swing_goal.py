@@ -5,7 +5,7 @@ import pytest
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.errors import SwingAborted
 from fastswing_planner.robot import Robot
-from fastswing_planner.swing_goal import _elongated, _refuse_foreign_plan
+from fastswing_planner.swing_goal import _refuse_foreign_plan
 
 
 def test_a_plan_for_other_muscles_is_refused(musashi: Robot) -> None:
@@ -25,8 +25,3 @@ def test_a_plan_for_this_robot_is_not_refused(musashi: Robot) -> None:
     _refuse_foreign_plan(
         SwingPlan(joint_name=model.joint_names, muscle_name=model.muscle_names), model
     )
-
-
-def test_elongated_is_what_is_neither_kept_nor_inhibited() -> None:
-    plan = SwingPlan(muscle_name=["a", "b", "c"], mask=[1, 0, 0], inhibited=[0, 1, 0])
-    assert _elongated(plan) == ["c"]

@@ -83,8 +83,7 @@ class ClosedLoop:
         """
         request = request or SwingRequest(plan.start, plan.end)
         names = self._robot.model.muscle_names
-        # What is paid out stays driven: the hybrid inhibits the others.
-        protected = plan.elongated | np.isin(names, list(request.kept_muscles))
+        protected = np.isin(names, list(request.kept_muscles))
         arming = Arming(plan.end, request.threshold, protected, settings.arming_limit, 0.0)
         swing = PreparedSwing(
             plan.method,

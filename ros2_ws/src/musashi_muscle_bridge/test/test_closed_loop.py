@@ -179,11 +179,10 @@ def test_elongated_muscles_are_slack_before_the_swing(swings: dict[Method, Swing
     assert (settled[elongated] < swing.robot.limits.tension_min[elongated]).all()
 
 
-def test_in_the_hybrid_what_is_paid_out_stays_driven(swings: dict[Method, Swing]) -> None:
+def test_in_the_hybrid_what_is_paid_out_is_limp_too(swings: dict[Method, Swing]) -> None:
     swing = swings[Method.HYBRID]
     limp = (swing.modes == Mode.ZERO_CURRENT).any(axis=0)
-    assert not limp[swing.plan.elongated].any()
-    assert limp[swing.plan.inhibited].all()
+    assert limp[swing.plan.elongated | swing.plan.inhibited].all()
 
 
 def test_a_threshold_and_kept_muscles_of_the_request_hold_in_the_swing(musashi: Robot) -> None:
@@ -196,6 +195,6 @@ def test_a_threshold_and_kept_muscles_of_the_request_hold_in_the_swing(musashi: 
     loop.run(planner.plan(request), ExecutionSettings(), request)
     modes = np.array([s.state.rows["mode"] for s in loop.samples if s.phase is Phase.SWING])
     limp = (modes == Mode.ZERO_CURRENT).any(axis=0)
-    assert [name for name, one in zip(musashi.model.muscle_names, limp, strict=True) if one] == [
-        "#9"
-    ]
+    names = [name for name, one in zip(musashi.model.muscle_names, limp, strict=True) if one]
+    assert "#9" in names
+    assert "#10" not in names
