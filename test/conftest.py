@@ -1,7 +1,6 @@
 """The installed executables as processes in a ROS domain of their own, and a node beside them."""
 
 import os
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -16,6 +15,13 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from lifecycle_msgs.srv import GetState
+from processes import (
+    Process,
+    free_domain,
+    free_udp_port,
+    isolated_environment,
+    stop_all,
+)
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -34,20 +40,10 @@ from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "demo"))
-
 with warnings.catch_warnings():
     # ROS imports this when the first publisher is made; its parser uses a deprecated module.
     warnings.simplefilter("ignore", DeprecationWarning)
     import_module("rosidl_generator_py")
-
-from processes import (  # noqa: E402
-    Process,
-    free_domain,
-    free_udp_port,
-    isolated_environment,
-    stop_all,
-)
 
 PACKAGES = {
     "mock_driver": "musashi_muscle_bridge",

@@ -1,7 +1,6 @@
 """The demo's results: what is read from a swing's bag, and how table, picture and page show it."""
 
 import base64
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +8,12 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration, Time
 from matplotlib.image import imread
+from paper_values import PAPER
 from rclpy.serialization import serialize_message
+from report import draw_swing, table_text, write_report
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
+from swing_bag import UnusableBag, read_swing
 
 from fastswing_msgs.msg import CurrentOverride, LengthCommand, MuscleState, SwingPlan, SwingPoint
 from fastswing_planner.bag_metadata import BagTopic
@@ -19,11 +21,6 @@ from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "demo"))
-
-from paper_values import PAPER  # noqa: E402
-from report import draw_swing, table_text, write_report  # noqa: E402
-from swing_bag import UnusableBag, read_swing  # noqa: E402
 
 ROBOT = ROOT / "ros2_ws/src/musashi_muscle_bridge/description/musashi_left_arm.yaml"
 JOINTS = ["S-p", "S-r", "S-y", "E-p", "E-y"]

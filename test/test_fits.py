@@ -1,30 +1,20 @@
 """The fits judge, and say what the written arm reaches; the fits themselves take minutes."""
 
-import sys
 from pathlib import Path
 
+import kinematic_fit
 import numpy as np
+import plant_fit
 import pytest
-
-FIT = Path(__file__).parents[1] / "fit"
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _fit_programs() -> None:
-    sys.path.insert(0, str(FIT))
 
 
 def test_the_first_guess_of_the_arm_is_judged() -> None:
-    import kinematic_fit
-
     robot = kinematic_fit.load_robot(kinematic_fit.ROBOT_YAML)
     judge = kinematic_fit.candidate_cost(robot, kinematic_fit.ROBOT_MJCF.read_text())
     assert np.isfinite(judge(np.zeros(len(kinematic_fit.PARAMETERS))))
 
 
 def test_the_arm_that_is_written_is_reported_beside_the_paper() -> None:
-    import kinematic_fit
-
     robot = kinematic_fit.load_robot(kinematic_fit.ROBOT_YAML)
     state = kinematic_fit.first_generation(len(kinematic_fit.PARAMETERS), kinematic_fit.SIGMA)
     reached = kinematic_fit.summarise(robot, state, seed=1)["reached"]
@@ -34,16 +24,12 @@ def test_the_arm_that_is_written_is_reported_beside_the_paper() -> None:
 
 
 def test_the_first_guess_of_the_winches_is_judged(tmp_path: Path) -> None:
-    import plant_fit
-
     robot = plant_fit.load_robot(plant_fit.ROBOT_YAML)
     judge = plant_fit.candidate_cost(robot, plant_fit.ROBOT_MJCF.read_text(), tmp_path)
     assert judge(plant_fit.first_guess()) < plant_fit.NEVER_BEGUN
 
 
 def test_another_arm_begins_a_fit_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    import plant_fit
-
     before = plant_fit.description_digest()
     heavier = plant_fit.ROBOT_MJCF.read_text().replace('mass="12"', 'mass="13"')
     monkeypatch.setattr(plant_fit, "edited_mjcf", lambda _text, _values: heavier)
@@ -52,8 +38,6 @@ def test_another_arm_begins_a_fit_of_its_own(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("muscle", ["#1", "#6", "#8", "#9", "#10"])
 def test_a_moment_arm_of_the_swing_is_smooth_and_keeps_its_sign(muscle: str) -> None:
-    import kinematic_fit
-
     robot = kinematic_fit.load_robot(kinematic_fit.ROBOT_YAML)
     start, end = robot.postures["start"], robot.postures["end"]
     row = robot.model.muscle_names.index(muscle)

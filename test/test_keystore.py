@@ -4,24 +4,21 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Iterator
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from xml.etree import ElementTree
 
+import keystore
 import pytest
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.serialization import load_pem_private_key
+from keystore import KeystoreError, KeystoreRequest, enclave_path, make_keystore
+from make_keystore import main
+from policy_table import ENCLAVES, NODES
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "security"))
-
-import keystore  # noqa: E402
-from keystore import KeystoreError, KeystoreRequest, enclave_path, make_keystore  # noqa: E402
-from make_keystore import main  # noqa: E402
-from policy_table import ENCLAVES, NODES  # noqa: E402
 
 NAMESPACES = ("/", "/left")
 DOMAIN = 7

@@ -12,15 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import Process, free_domain, isolated_environment, stop_all
+from two_hosts import Host, NotPossible, TwoHosts
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, MuscleState
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "demo"), str(ROOT / "test/hosts")]
-
-from processes import Process, free_domain, isolated_environment, stop_all  # noqa: E402
-from two_hosts import Host, NotPossible, TwoHosts  # noqa: E402
 
 pytestmark = pytest.mark.system
 

@@ -9,11 +9,9 @@ from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
+from processes import Process, free_domain, isolated_environment, stop_all
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT / "demo"))
-
-from processes import Process, free_domain, isolated_environment, stop_all  # noqa: E402
 
 PACKAGES = ("fastswing_inhibitor", "fastswing_planner", "musashi_muscle_bridge")
 README = (ROOT / "README.md").read_text()

@@ -13,18 +13,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "demo"), str(ROOT / "security")]
-
-from keystore import KeystoreRequest, make_keystore  # noqa: E402
-from processes import (  # noqa: E402
+from keystore import KeystoreRequest, make_keystore
+from processes import (
     Process,
     free_domain,
     free_udp_port,
     isolated_environment,
     stop_all,
 )
+
+ROOT = Path(__file__).parents[1]
 
 pytestmark = pytest.mark.system
 

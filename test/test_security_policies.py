@@ -1,12 +1,36 @@
 """The table of policies permits exactly what the running nodes open: names as DDS has them."""
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
+from dds_names import (
+    DISCOVERY_TOPIC,
+    EVERY_PARTICIPANT,
+    Access,
+    access_of,
+    enclave_access,
+)
+from policy_table import (
+    CLOCK,
+    COMMAND_LINE,
+    COMMANDS,
+    ENCLAVES,
+    NODES,
+    PLANNER_CLIENT,
+    TASK,
+    WATCHED,
+    Policy,
+)
+from processes import (
+    Process,
+    free_domain,
+    free_udp_port,
+    isolated_environment,
+    stop_all,
+)
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -19,33 +43,6 @@ from fastswing_planner.client import PlannerClient
 from fastswing_planner.record_node import TYPES, message_class
 
 ROOT = Path(__file__).parents[1]
-sys.path[:0] = [str(ROOT / "demo"), str(ROOT / "security")]
-
-from dds_names import (  # noqa: E402
-    DISCOVERY_TOPIC,
-    EVERY_PARTICIPANT,
-    Access,
-    access_of,
-    enclave_access,
-)
-from policy_table import (  # noqa: E402
-    CLOCK,
-    COMMAND_LINE,
-    COMMANDS,
-    ENCLAVES,
-    NODES,
-    PLANNER_CLIENT,
-    TASK,
-    WATCHED,
-    Policy,
-)
-from processes import (  # noqa: E402
-    Process,
-    free_domain,
-    free_udp_port,
-    isolated_environment,
-    stop_all,
-)
 
 NAMESPACE = "/left"
 EXECUTABLES = {

@@ -1,6 +1,6 @@
 """What a user asks of the planner, and how it is checked."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import TypeVar
@@ -238,12 +238,12 @@ def checked_threshold(value: float) -> float:
 _Choice = TypeVar("_Choice", Method, Search)
 
 
-def choice_from(kind: Callable[[int], _Choice], what: str, value: int) -> _Choice:
+def choice_from(kind: type[_Choice], what: str, value: int) -> _Choice:
     """Return the Method or Search of a number; raises UnknownMethod listing the choices."""
     try:
         return kind(value)
     except ValueError as error:
-        choices = ", ".join(f"{one.value} ({one.name.lower()})" for one in kind)  # type: ignore[attr-defined]
+        choices = ", ".join(f"{one.value} ({one.name.lower()})" for one in kind)
         raise UnknownMethod(f"unknown {what} {value}, choose from: {choices}") from error
 
 
