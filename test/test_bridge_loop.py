@@ -1,4 +1,4 @@
-"""The bridge's control thread goes on whatever is asked of the node, and may only read."""
+"""The bridge's control loop goes on whatever is asked of the node, and may only read."""
 
 import signal
 import time
@@ -129,16 +129,16 @@ def test_the_bridge_answers_while_it_is_hammered(comparison: Comparison) -> None
 
 
 def test_a_hammered_bridge_goes_on(comparison: Comparison) -> None:
-    # A full machine and one interpreter for all threads cost about half; docs/safety.md.
-    assert comparison.hammered.rate > 0.3 * comparison.alone.rate
+    # What remains is the share of two cores that hammer, node and boards take from each other.
+    assert comparison.hammered.rate > 0.6 * comparison.alone.rate
 
 
 def test_a_hammered_bridge_is_hardly_later_than_one_that_is_left_alone(
     comparison: Comparison,
 ) -> None:
     # What other processes take of this machine is in both; a hammer that could hold up the control
-    # thread would make most periods late.
-    assert comparison.hammered.late_share < 4.0 * comparison.alone.late_share + 0.2
+    # loop would make most periods late.
+    assert comparison.hammered.late_share < 2.0 * comparison.alone.late_share + 0.2
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ NODES: dict[str, dict[str, object]] = {
 }
 """So that every phase lasts long enough to be met, and for a shared machine that stalls."""
 METHOD_1 = SwingOptions(method=SwingOptions.METHOD_INHIBIT)
+ATTEMPTS = 4
 STILL = 0.05
 """[rad] by which an arm that is held may move in half a second, once it came to rest."""
 
@@ -97,11 +98,15 @@ class Running:
     def _on_feedback(self, message: Any) -> None:
         self.phases.append(Phase(message.feedback.phase))
 
-    def until(self, phase: Phase) -> None:
+    def reaches(self, phase: Phase) -> bool:
         self.suite.until(
             f"the phase {phase.name}", lambda: phase in self.phases or self.ended.done()
         )
-        assert phase in self.phases, self.ended.result().result.error_string
+        return phase in self.phases
+
+    @property
+    def ending(self) -> str:
+        return str(self.ended.result().result.error_string)
 
     def result(self) -> Any:
         return self.suite.result_of(self.ended, "the result of the swing")
@@ -148,14 +153,18 @@ def outcome(watched: Watched, ended: Any) -> Outcome:
 
 
 def run_until(watched: Watched, phase: Phase) -> Running:
-    """Send a swing and wait for its phase; for the plan phase the planner stands still."""
-    watched.suite.hold()
-    planner = watched.suite.processes["planner"]
-    if phase is Phase.PLAN:
-        planner.send(signal.SIGSTOP)
-    swing = Running(watched.suite)
-    swing.until(phase)
-    return swing
+    """Send a swing and wait for its phase; for the plan phase the planner stands still.
+
+    One that a stalling machine made end before is sent again.
+    """
+    for _ in range(ATTEMPTS):
+        watched.suite.hold()
+        if phase is Phase.PLAN:
+            watched.suite.processes["planner"].send(signal.SIGSTOP)
+        swing = Running(watched.suite)
+        if swing.reaches(phase):
+            return swing
+    pytest.fail(f"{phase.name} was never reached: {swing.ending}")
 
 
 def let_the_planner_go_on(watched: Watched) -> None:
@@ -211,7 +220,7 @@ class Preemption:
 
 
 @pytest.fixture(scope="module", params=list(Phase), ids=lambda phase: phase.name.lower())
-def preempted(request: pytest.FixtureRequest, watched: Watched) -> Iterator[Preemption]:
+def preempted(request: pytest.FixtureRequest, watched: Watched) -> Preemption:
     first = run_until(watched, request.param)
     second = Running(watched.suite, preempt=True)
     try:
@@ -221,12 +230,13 @@ def preempted(request: pytest.FixtureRequest, watched: Watched) -> Iterator[Pree
         armed = watched.disarm()
     finally:
         let_the_planner_go_on(watched)
-    second.until(Phase.RAISE)
-    yield Preemption(
-        Outcome(ended.status, result.error_code, result.error_string, modes, armed, np.nan, 0),
-        list(second.phases),
-    )
+    assert second.reaches(Phase.RAISE), second.ending
+    phases = list(second.phases)
     second.cancel()
+    return Preemption(
+        Outcome(ended.status, result.error_code, result.error_string, modes, armed, np.nan, 0),
+        phases,
+    )
 
 
 def test_a_preempted_swing_says_so(preempted: Preemption) -> None:
@@ -253,11 +263,13 @@ def test_the_preempting_swing_is_planned_and_raised_from_the_beginning(
 
 
 def test_a_preempting_swing_arrives(watched: Watched) -> None:
-    first = run_until(watched, Phase.SWING)
-    second = Running(watched.suite, preempt=True)
-    assert first.result().result.error_code == ErrorCode.PREEMPTED
-    result = second.result().result
-    assert (result.error_code, result.error_string) == (ErrorCode.SUCCESS, "")
+    wanted = ((ErrorCode.PREEMPTED, "another goal took its place; the arm was held"), (0, ""))
+    endings = []
+    while wanted not in endings and len(endings) < ATTEMPTS:  # a stalling machine may stop a swing
+        swings = run_until(watched, Phase.SWING), Running(watched.suite, preempt=True)
+        results = [swing.result().result for swing in swings]
+        endings.append(tuple((result.error_code, result.error_string) for result in results))
+    assert endings[-1] == wanted, endings
 
 
 def test_the_newest_of_two_preempting_goals_remains(watched: Watched) -> None:

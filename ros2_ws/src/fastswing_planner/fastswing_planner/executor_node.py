@@ -30,6 +30,7 @@ from fastswing_planner.state_conversion import (
 )
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
+    InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
 )
@@ -110,7 +111,8 @@ TABLE = (
         "s",
         0.02,
         2.0,
-        "Older measurements, or a longer stall of this node, stop the swing.",
+        "Older measurements, a longer stall of this node or a longer silence of the inhibitor stop "
+        "the swing.",
     ),
 )
 
@@ -214,10 +216,11 @@ class ExecutorNode(ManagedNode):
             self._goal.add_muscles(self._muscles)
 
     def _on_inhibition(self, message: InhibitionStatus) -> None:
-        if self._goal is None or message.armed:
-            return
-        if message.reason != InhibitionStatus.REASON_GOAL_REACHED:
-            self._goal.inhibitor_lost(message.reason_text)
+        if self._goal is not None:
+            reached = message.reason == InhibitionStatus.REASON_GOAL_REACHED
+            self._goal.add_inhibition(
+                InhibitionReport(self.monotonic(), message.armed, reached, message.reason_text)
+            )
 
     def _on_length_command(self, message: LengthCommand) -> None:
         if self._goal is not None and not self._links.is_own(message):

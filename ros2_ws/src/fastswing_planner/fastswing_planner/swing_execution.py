@@ -52,7 +52,8 @@ class ExecutionSettings:
     swing_limit      [s] longest swing
     recover_time     [s] the end posture is held before the swing is done
     recover_limit    [s] longest wait for rest at the end posture, recover_time included
-    state_timeout    [s] older measurements, or a longer stall of the executor, stop the swing
+    state_timeout    [s] older measurements, a longer stall of the executor or a longer silence of
+                     the inhibitor stop the swing
     """
 
     raise_speed: float = 0.8
@@ -143,6 +144,21 @@ class MuscleMeasurement(NamedTuple):
     holds: int = 0
 
 
+class InhibitionReport(NamedTuple):
+    """What the inhibitor tells of itself.
+
+    time     [s]
+    armed    whether it goes on deciding
+    reached  whether it ended because the goal was reached or passed
+    reason   why it is not armed
+    """
+
+    time: float
+    armed: bool
+    reached: bool = False
+    reason: str = ""
+
+
 def refuse_muscles(muscles: MuscleMeasurement, holds: int, inhibiting: bool = False) -> None:
     """Raise SwingAborted if muscles do not do what length commands tell them.
 
@@ -203,6 +219,8 @@ class SwingExecution:
         self._holds = muscles.holds if holds is None else holds
         self._interruption = ""
         self._inhibition_lost = ""
+        self._inhibition_heard = -math.inf
+        self._inhibition_over = False  # it reached the goal
         self._armed = False
         self._arm_asked = False
         self._over = False
@@ -262,11 +280,14 @@ class SwingExecution:
         """Take note that the inhibitor is armed."""
         self._armed = True
 
-    def inhibitor_lost(self, reason: str) -> None:
-        """Take note that the inhibitor ended before the goal; a swing then has to stop."""
-        arrived = self._measurement is not None and self._measurement.arrived
-        if self._armed and not arrived and self._phase is not Phase.RECOVER:
-            self._inhibition_lost = reason
+    def add_inhibition(self, report: InhibitionReport) -> None:
+        """Take a report of the inhibitor; if it ended before the goal, the swing has to stop."""
+        if report.armed:
+            self._inhibition_heard = report.time
+        elif report.reached:
+            self._inhibition_over = self._armed
+        elif self._armed and not self._arrived and self._phase is not Phase.RECOVER:
+            self._inhibition_lost = report.reason
 
     def interrupted(self, reason: str) -> None:
         """Take note that somebody else commands the arm; the swing then has to stop."""
@@ -349,6 +370,10 @@ class SwingExecution:
     def _distance_to_start(self) -> float:
         return math.dist(self._swing.start, self._joints.position)
 
+    @property
+    def _arrived(self) -> bool:
+        return self._measurement is not None and self._measurement.arrived
+
     def _near_end(self) -> bool:
         return self.distance_to_end < self._settings.arrival_tolerance
 
@@ -398,19 +423,27 @@ class SwingExecution:
         return Orders(lengths=self._end_lengths)
 
     def _step_swing(self, now: float, elapsed: float) -> Orders:
-        arrived = self._measurement is not None and self._measurement.arrived
         late = elapsed > self._settings.swing_limit
-        if late and not arrived:
+        self._refuse_silent_inhibitor()
+        if late and not self._arrived:
             raise SwingAborted(
                 "PHASE_TIMEOUT",
                 f"the arm did not come within {self._settings.arrival_tolerance:g} rad of the end "
                 f"posture in {self._settings.swing_limit:g} s; it is {self.distance_to_end:.3f} "
                 "rad away",
             )
-        if late or (arrived and self._rest.resting(now)):
+        if late or (self._arrived and self._rest.resting(now)):
             self._enter(Phase.RECOVER, now)
             return Orders(lengths=self._end_lengths, disarm=True)
         return Orders()
+
+    def _refuse_silent_inhibitor(self) -> None:
+        if not self._swing.method.inhibits or self._inhibition_over or self._arrived:
+            return
+        # It decides when a joint state comes, so it may be silent as long as none does.
+        silence = self._joints.time - max(self._inhibition_heard, self._phase_start)
+        if silence > self._settings.state_timeout:
+            raise SwingAborted("NOT_READY", f"the inhibitor has been silent for {silence:.2f} s")
 
     def _step_recover(self, now: float, elapsed: float) -> Orders:
         if elapsed < self._settings.recover_time:

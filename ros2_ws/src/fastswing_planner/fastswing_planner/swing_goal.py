@@ -26,6 +26,7 @@ from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot import Robot
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
+    InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
     Orders,
@@ -123,10 +124,10 @@ class SwingGoal:
         if self._execution is not None:
             self._execution.add_muscles(muscles)
 
-    def inhibitor_lost(self, reason: str) -> None:
-        """Take note that the inhibitor ended before the goal."""
+    def add_inhibition(self, report: InhibitionReport) -> None:
+        """Take a report of the inhibitor."""
         if self._execution is not None:
-            self._execution.inhibitor_lost(reason)
+            self._execution.add_inhibition(report)
 
     def interrupted(self, reason: str) -> None:
         """Take note that somebody else commands the arm."""

@@ -15,6 +15,7 @@ from fastswing_planner.posture import encoder_lengths
 from fastswing_planner.request import Method
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
+    InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
     Orders,
@@ -45,6 +46,7 @@ class Stage:
     place: float
     now: float = 10.0
     speed: float = 0.0
+    inhibitor_speaks: bool = True
     phases: list[Phase] = field(default_factory=list)
     orders: list[Orders] = field(default_factory=list)
 
@@ -53,6 +55,8 @@ class Stage:
         self.now += PERIOD
         self.execution.add_joints(joints_at(self.now, self.place, self.speed))
         self.execution.add_muscles(muscles_at(self.now))
+        if self.inhibitor_speaks:
+            self.execution.add_inhibition(InhibitionReport(self.now, True))
         orders = self.execution.step(self.now)
         self.orders.append(orders)
         if self.execution.phase not in self.phases:
@@ -530,11 +534,51 @@ def test_a_swing_stops_when_the_inhibitor_ends_before_the_goal(linear_arm: ArmBu
     case.tick_for(1.0)
     case.execution.inhibitor_armed()
     case.run_until(Phase.SWING)
-    case.execution.inhibitor_lost("joint states stopped")
+    case.execution.add_inhibition(InhibitionReport(case.now, False, False, "joint states stopped"))
     with pytest.raises(
         SwingAborted, match=r"^the inhibitor disarmed itself: joint states stopped$"
     ):
         case.execution.step(case.now)
+
+
+def swinging_with_method_1(arm: ArmBuilder) -> Stage:
+    """Return a swing whose inhibitor has just died."""
+    case = stage(arm, Method.INHIBIT)
+    case.execution.inhibitor_armed()
+    case.run_until(Phase.SWING)
+    case.inhibitor_speaks = False
+    return case
+
+
+def test_a_swing_stops_when_the_inhibitor_falls_silent(linear_arm: ArmBuilder) -> None:
+    case = swinging_with_method_1(linear_arm)
+    error = aborted(case)
+    assert (error.code_name, str(error)) == (
+        "NOT_READY",
+        "the inhibitor has been silent for 0.21 s",
+    )
+
+
+def test_an_inhibitor_that_ended_at_the_goal_may_be_silent(linear_arm: ArmBuilder) -> None:
+    case = swinging_with_method_1(linear_arm)
+    case.execution.add_inhibition(InhibitionReport(case.now, False, True, "the goal was reached"))
+    case.tick_for(1.0)
+    assert case.execution.phase is Phase.SWING
+
+
+def test_once_the_arm_has_arrived_the_inhibitor_may_be_silent(linear_arm: ArmBuilder) -> None:
+    case = swinging_with_method_1(linear_arm)
+    case.place, case.speed = float(END[0]), 1.0
+    case.tick_for(1.0)
+    assert case.execution.phase is Phase.SWING
+
+
+def test_a_swing_without_inhibition_needs_no_inhibitor(linear_arm: ArmBuilder) -> None:
+    case = stage(linear_arm, Method.BASIC)
+    case.inhibitor_speaks = False
+    case.run_until(Phase.SWING)
+    case.tick_for(1.0)
+    assert case.execution.phase is Phase.SWING
 
 
 def start_with(

@@ -12,6 +12,7 @@ from fastswing_planner.muscle_model import Payload
 from fastswing_planner.request import Method
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
+    InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
     Orders,
@@ -81,6 +82,7 @@ class AnySwing(RuleBasedStateMachine):
         )
         self.ended = ""
         self.armings = 0
+        self.silent = False
         self.phases = [Phase.RAISE]
         self.last_lengths: Vector | None = None
 
@@ -129,6 +131,8 @@ class AnySwing(RuleBasedStateMachine):
             self.execution.add_joints(self.joints())
             self.health = self.health._replace(time=self.now)
             self.execution.add_muscles(self.health)
+            if not self.silent:
+                self.execution.add_inhibition(InhibitionReport(self.now, True))
             self.step()
 
     @rule(place=st.sampled_from([START, END, START + 0.07, END - 0.09, 0.0]))
@@ -163,7 +167,13 @@ class AnySwing(RuleBasedStateMachine):
 
     @rule()
     def lose_the_inhibitor(self) -> None:
-        self.execution.inhibitor_lost("joint states stopped")
+        self.execution.add_inhibition(
+            InhibitionReport(self.now, False, False, "joint states stopped")
+        )
+
+    @rule(silent=st.booleans())
+    def silence_the_inhibitor(self, silent: bool) -> None:
+        self.silent = silent
 
     @precondition(lambda self: not self.ended)
     @rule()

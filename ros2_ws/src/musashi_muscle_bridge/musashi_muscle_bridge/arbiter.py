@@ -28,7 +28,7 @@ class CommandLimits:
 
     length_min, length_max  [m]
     tension_max             [N] of a tension command
-    current_max             [A] magnitude of a current command
+    current_max             [A] of a current command; less than 0 would wind the wire off its drum
     velocity                [m/s] of re-engaging
     stream_timeout          [s] without a tension or current command until the muscle holds
     max_lease               [s]
@@ -60,7 +60,7 @@ class CommandArbiter:
         self._range = {
             Mode.LENGTH: (limits.length_min, limits.length_max),
             Mode.TENSION: (np.zeros_like(limits.tension_max), limits.tension_max),
-            Mode.CURRENT: (-limits.current_max, limits.current_max),
+            Mode.CURRENT: (np.zeros_like(limits.current_max), limits.current_max),
         }
         count = len(self.muscle_names)
         self._target = np.full(count, np.nan)  # latched length; NaN: hold the measured one

@@ -186,7 +186,7 @@ class Boards:
         self._current = np.zeros(self._mode.size)
         in_current = self._mode == _CURRENT
         if np.count_nonzero(in_current):
-            current = np.clip(self._setpoint, -self._current_limit, self._current_limit)
+            current = np.clip(self._setpoint, 0.0, self._current_limit)
             self._current[in_current] = current[in_current]
 
     def _drive(self, over: BoolVector | None) -> Drive:

@@ -1,7 +1,6 @@
 """The robot as a node: commands in, muscle and joint states out."""
 
 import secrets
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -26,7 +25,7 @@ from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
-from musashi_muscle_bridge.bus import group_urls, open_all, open_bus
+from musashi_muscle_bridge.bus import group_urls
 from musashi_muscle_bridge.bus_parameters import BUS_URL
 from musashi_muscle_bridge.commands import (
     check_lease,
@@ -35,18 +34,29 @@ from musashi_muscle_bridge.commands import (
     checked_values,
 )
 from musashi_muscle_bridge.control import ControlPeriod, command_limits, slack
-from musashi_muscle_bridge.control_loop import ControlLoop, Measurement
-from musashi_muscle_bridge.errors import CommandRejected
+from musashi_muscle_bridge.control_loop import Measurement
+from musashi_muscle_bridge.control_process import ControlProcess, LoopTask
+from musashi_muscle_bridge.errors import BusError, CommandRejected
+from musashi_muscle_bridge.orders import (
+    ClearFaults,
+    Command,
+    EmergencyStop,
+    Heartbeat,
+    Hold,
+    Order,
+    Override,
+)
 from musashi_muscle_bridge.protocol import Fault, Mode, WatchdogAction
 
-_SWITCH_INTERVAL_SEC = 5e-5
 _COMMANDS = {
     Mode.LENGTH: (LengthCommand, "length_command", "length"),
     Mode.TENSION: (TensionCommand, "tension_command", "tension"),
     Mode.CURRENT: (CurrentCommand, "current_command", "current"),
 }
 _OVERRIDE = "current_override"
-_DEAD = "the control thread died, see the log: nothing is sent, the boards' watchdog acts"
+_DEAD = "the control process died, see the log: nothing is sent, the boards' watchdog acts"
+_HEARTBEATS = 10
+"""In the time after which the control process stops without one."""
 _FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
 
 TABLE = (
@@ -67,6 +77,15 @@ TABLE = (
         choices=("zero_current", "hold_length"),
     ),
     Parameter("watchdog_timeout", 0.1, "Time without frames until they do.", "s", 0.01, 10.0),
+    Parameter(
+        "supervision_timeout",
+        0.5,
+        "Time without a sign of this node until its control process stops sending frames: an "
+        "emergency stop would not get through.",
+        "s",
+        0.05,
+        10.0,
+    ),
     Parameter(
         "command_timeout",
         0.1,
@@ -113,8 +132,6 @@ class BridgeNode(ManagedNode):
 
     def activate(self) -> None:
         """Open the bus, hold the measured lengths, listen to commands."""
-        # The control thread must not wait 5 ms for the GIL while a callback computes.
-        sys.setswitchinterval(_SWITCH_INTERVAL_SEC)
         parameters = self._values
         limits = command_limits(
             self._robot,
@@ -122,7 +139,7 @@ class BridgeNode(ManagedNode):
             parameters["max_lease"],
             parameters["payout_allowance"],
         )
-        self._control = ControlPeriod(
+        control = ControlPeriod(
             self._robot,
             limits,
             WatchdogAction[parameters["watchdog_action"].upper()],
@@ -131,22 +148,21 @@ class BridgeNode(ManagedNode):
             read_only=parameters["read_only"],
         )
         if self._emergency_latched:
-            self._control.arbiter.emergency_stop()
-        buses = open_all(open_bus, self._urls)
+            control.arbiter.emergency_stop()
         newest = QoSProfile(depth=1)
         self._muscle_state = self.create_publisher(MuscleState, "muscle_state", newest)
         self._joint_state = self.create_publisher(JointState, "joint_states", newest)
-        self._loop = ControlLoop(
-            buses,
-            self._control,
-            parameters["control_rate"],
-            self._publish,
-            self.get_logger().error,
-        )
+        patience = parameters["supervision_timeout"]
+        task = LoopTask(control, self._urls, parameters["control_rate"], patience)
+        try:
+            self._loop = ControlProcess(task, self._publish, self.get_logger().error)
+        except BusError:
+            self._destroy_publishers()
+            raise
+        self._heart = self.create_steady_timer(patience / _HEARTBEATS, self._beat)
         self._inputs, self._triggers = [], []
         if not parameters["read_only"]:
             self._connect()
-        self._loop.start()
 
     def _connect(self) -> None:
         self._inputs = [
@@ -165,14 +181,20 @@ class BridgeNode(ManagedNode):
 
     def deactivate(self) -> None:
         """Stop sending frames: the boards' watchdog acts."""
+        self.destroy_timer(self._heart)
         self._loop.stop()
-        self._emergency_latched = self._control.arbiter.emergency
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         for service in self._triggers:
             self.destroy_service(service)
+        self._destroy_publishers()
+
+    def _destroy_publishers(self) -> None:
         self.destroy_publisher(self._muscle_state)
         self.destroy_publisher(self._joint_state)
+
+    def _beat(self) -> None:
+        self._loop.order(Heartbeat())
 
     # Commands.
 
@@ -182,7 +204,7 @@ class BridgeNode(ManagedNode):
         )
 
     def _taker(self, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback of messages that `take` puts in the control thread's queue."""
+        """Return a callback of messages that `take` sends to the control process."""
 
         def on_message(message: Any) -> None:
             stamp = message.header.stamp
@@ -212,8 +234,7 @@ class BridgeNode(ManagedNode):
             now = self.monotonic()
             index = checked_index(message.name, self._names)
             values = checked_values(message.name, getattr(message, field))
-            arbiter = self._control.arbiter
-            self._loop.order(lambda: arbiter.command(mode, index, values, now))
+            self._order(Command(mode, index, values, now))
 
         return take
 
@@ -223,32 +244,35 @@ class BridgeNode(ManagedNode):
         lease = message.lease.sec + message.lease.nanosec * 1e-9
         if index:
             check_lease(lease, self._values["max_lease"])
-        arbiter = self._control.arbiter
-        self._loop.order(lambda: arbiter.override(index, lease, now))
+        self._order(Override(index, lease, now))
+
+    def _order(self, order: Order) -> None:
+        if not self._loop.order(order):
+            raise CommandRejected("lost", "the control process takes no orders")
 
     def _answer(
-        self, action: Callable[[], None], text: str
+        self, action: Callable[[], bool], text: str
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            action()
-            response.success = self._loop.alive
+            response.success = action() and self._loop.alive
             response.message = text if response.success else _DEAD
             self.get_logger().warning(response.message)
             return response
 
         return serve
 
-    def _emergency_stop(self) -> None:
-        # What was ordered before it, a clearing above all, must not come after it.
-        self._loop.order_first(self._control.arbiter.emergency_stop)
+    def _emergency_stop(self) -> bool:
+        self._emergency_latched = True
+        return self._loop.order(EmergencyStop())
 
-    def _clear_faults(self) -> None:
-        self._loop.order(self._control.clear_faults)
+    def _clear_faults(self) -> bool:
+        self._emergency_latched = False
         self._holds += 1
+        return self._loop.order(ClearFaults())
 
-    def _hold(self) -> None:
-        self._loop.order(self._control.arbiter.hold)
+    def _hold(self) -> bool:
         self._holds += 1
+        return self._loop.order(Hold())
 
     # States.
 
@@ -256,7 +280,7 @@ class BridgeNode(ManagedNode):
         age = Duration(nanoseconds=round((time.monotonic() - measured.received) * 1e9))
         header = Header(stamp=(self.get_clock().now() - age).to_msg())
         rows, joints = measured.state.rows, measured.state.joints
-        silent = measured.report.lost & (rows["fault"] == Fault.NONE)
+        silent = measured.lost & (rows["fault"] == Fault.NONE)
         fault = np.where(silent, np.uint8(Fault.BUS), rows["fault"])
         self._faults = tuple(
             f"{name} {_FAULT_NAMES.get(int(number), f'fault {number}')}"
@@ -296,10 +320,11 @@ class BridgeNode(ManagedNode):
         """Report bus, timing, overrides, rejections, faults and foreign writers."""
         if not self.is_active:
             return DiagnosticStatus.OK, "inactive", {}
-        report = self._loop.report
+        status = self._loop.status
+        report = status.report
         latched, rebooted = self._named(report.latched), self._named(report.rebooted)
         values: dict[str, object] = {
-            "read_only": self._control.read_only,
+            "read_only": self._values["read_only"],
             "emergency_stop": report.emergency,
             "overridden": self._named(report.overridden),
             "clamped": report.clamped,
@@ -310,11 +335,11 @@ class BridgeNode(ManagedNode):
             "slack": self._slack,
             "refused_by_boards": self._refused,
         }
-        values |= self._loop.statistics() | self._counts
+        values |= status.statistics | self._counts
         for problem, level, text in self._problems(latched, rebooted, report.emergency):
             if problem:
                 return level, text, values
-        return DiagnosticStatus.OK, "read only" if self._control.read_only else "ok", values
+        return DiagnosticStatus.OK, "read only" if self._values["read_only"] else "ok", values
 
     def _problems(
         self, latched: str, rebooted: str, emergency: bool
@@ -322,16 +347,17 @@ class BridgeNode(ManagedNode):
         """Yield what can be wrong, the worst first: whether it is, its level and its text."""
         topics = [topic for _, topic, _ in _COMMANDS.values()] + [_OVERRIDE]
         doubled = [topic for topic in topics if self.count_publishers(topic) > 1]
-        silent = self._loop.silent
+        silent = self._loop.status.silent
         where = f" on {', '.join(self._urls[n] for n in silent)}" if len(self._urls) > 1 else ""
         error = DiagnosticStatus.ERROR
         yield not self._loop.alive, error, _DEAD
+        # What they latch meanwhile follows from it.
+        yield silent, error, f"the boards do not answer{where}"
         boards = f"boards started again, at zero current until clear_faults: {rebooted}"
         yield rebooted, error, boards
         yield latched, error, f"latched until clear_faults: {latched}"
         yield self._faults, error, f"faults: {', '.join(self._faults)}"
         yield emergency, error, "emergency stop, see clear_faults"
-        yield silent, error, f"the boards do not answer{where}"
         yield doubled, error, f"two publishers on {', '.join(doubled)}"
         yield self._slack, DiagnosticStatus.WARN, f"slack in tension mode: {self._slack}"
         yield self._last_rejection, DiagnosticStatus.WARN, f"rejected {self._last_rejection}"

@@ -18,6 +18,7 @@ from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot import Robot
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
+    InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
     Orders,
@@ -107,7 +108,7 @@ class ClosedLoop:
             for _ in range(self._periods_per_order):
                 self._advance()
                 joints = self._joints()
-                self._inhibit(joints)
+                self._inhibit(joints, execution)
                 execution.add_joints(joints)
                 execution.add_muscles(self._muscles())
                 self.samples.append(Sample(self._now, execution.phase, self._state))
@@ -143,11 +144,19 @@ class ClosedLoop:
     def _names(self, chosen: BoolVector) -> tuple[str, ...]:
         return tuple(self._robot.model.muscle_names[i] for i in np.flatnonzero(chosen))
 
-    def _inhibit(self, joints: JointMeasurement) -> None:
+    def _inhibit(self, joints: JointMeasurement, execution: SwingExecution) -> None:
         inhibited: list[int] = []
         if self._inhibition.armed:
             decision = self._inhibition.decide(joints)
             inhibited = np.flatnonzero(decision.inhibited).tolist()
+            execution.add_inhibition(
+                InhibitionReport(
+                    self._now,
+                    self._inhibition.armed,
+                    decision.reason is Reason.GOAL_REACHED,
+                    decision.reason.name.lower(),
+                )
+            )
         else:
             self._inhibition.see(joints.time)
         self._overrides.append(inhibited)

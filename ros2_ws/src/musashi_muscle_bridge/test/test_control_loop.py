@@ -1,11 +1,11 @@
-"""The control thread takes the answers meant for it, and nobody floods or confuses it."""
+"""The control loop takes the answers meant for it, and nobody floods, confuses or delays it."""
 
 import dataclasses
-import functools
+import itertools
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 import pytest
@@ -14,10 +14,12 @@ from fastswing_planner.board_groups import BoardGroup
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
+from musashi_muscle_bridge.channel import Channel, channel_pair
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
-from musashi_muscle_bridge.control_loop import ControlLoop, Measurement
+from musashi_muscle_bridge.control_loop import ControlLoop, LoopStatus, Measurement
 from musashi_muscle_bridge.errors import BusError, BusTimeout
-from musashi_muscle_bridge.protocol import StateFrame, WatchdogAction
+from musashi_muscle_bridge.orders import ClearFaults, Command, EmergencyStop, Heartbeat, Order
+from musashi_muscle_bridge.protocol import CommandFrame, Mode, StateFrame, WatchdogAction
 
 SOON = 10.0
 SESSION = 77
@@ -35,7 +37,8 @@ class LinkBus:
         self._tamper = tamper
         self._answers: deque[bytes] = deque()
         self.sent = 0
-        self.unplugged = False
+        self.setpoint = 0.0
+        self.unplugged = self.closed = False
 
     @property
     def dropped(self) -> Mapping[str, int]:
@@ -45,6 +48,8 @@ class LinkBus:
         if self.unplugged:
             raise BusError("the cable is out")
         self.sent += 1
+        rows = CommandFrame.decode(frame).rows
+        self.setpoint = float(rows["setpoint"][0]) if len(rows) else 0.0
         answer = self._link.answer(frame)
         self._answers.extend(self._tamper(answer) if answer else [])
 
@@ -55,74 +60,98 @@ class LinkBus:
         raise BusTimeout("no answer")
 
     def close(self) -> None:
-        pass
+        self.closed = True
 
 
-class Run:
-    """A control loop against a tampered bus."""
+class Running:
+    """A control loop in a thread, and this end of its channel.
 
-    def __init__(self, robot: Robot, tamper: Tamper) -> None:
+    reads  whether somebody takes what the loop tells
+    beats  whether the loop gets heartbeats
+    """
+
+    def __init__(self, robot: Robot, buses: list[LinkBus], patience: float = SOON) -> None:
         limits = command_limits(robot, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
-        control = ControlPeriod(robot, limits, WatchdogAction.ZERO_CURRENT, 0.1, SESSION)
-        self.control = control
-        self.bus = LinkBus(robot, tamper)
-        self.states: list[StateFrame] = []
-        self.complaints: list[str] = []
-        self.deliver: Callable[[Measurement], None] = lambda measured: self.states.append(
-            measured.state
-        )
-        self.loop = ControlLoop(
-            [self.bus],
-            control,
-            200.0,
-            lambda measured: self.deliver(measured),
-            self.complaints.append,
-        )
-
-    def until(self, condition: Callable[[], bool]) -> None:
-        """Run until a condition holds, then stop."""
-        self.loop.start()
-        deadline = time.monotonic() + SOON
-        while not condition() and time.monotonic() < deadline:
-            time.sleep(0.01)
-        reached = condition()
-        self.loop.stop()
-        assert reached, self.loop.statistics()
-
-    def counted(self, key: str) -> int:
-        return int(str(self.loop.statistics()[key]))
-
-
-class TwoBuses:
-    """A control loop with `down` on the first bus, `up` and the joint on the second."""
-
-    def __init__(self, hoist: Robot) -> None:
-        groups = (BoardGroup((1,), ()), BoardGroup((0,), (0,)))
-        robot = dataclasses.replace(hoist, board_groups=groups)
-        limits = command_limits(robot, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
-        control = ControlPeriod(robot, limits, WatchdogAction.ZERO_CURRENT, 0.1, SESSION)
-        boards = Boards(robot)
-        self.buses = [LinkBus(robot, lambda answer: [answer], boards, group) for group in (0, 1)]
+        self.control = ControlPeriod(robot, limits, WatchdogAction.ZERO_CURRENT, 0.1, SESSION)
+        self.buses = buses
+        self.channel, theirs = channel_pair()
+        self.far_end = Channel(theirs)
+        self.loop = ControlLoop(buses, self.control, 200.0, patience, self.far_end)
         self.measured: list[Measurement] = []
-        self.loop = ControlLoop(self.buses, control, 200.0, self.measured.append, print)
-        self.loop.start()
+        self.status = self.loop.status()
+        self.reads = self.beats = True
+        self.thread = threading.Thread(target=self.loop.run)
+
+    @property
+    def states(self) -> list[StateFrame]:
+        return [measured.state for measured in self.measured]
+
+    def order(self, order: Order) -> None:
+        assert self.channel.put(order)
 
     def until(self, condition: Callable[[], bool]) -> None:
+        """Run until a condition holds."""
+        if not self.thread.is_alive():
+            self.thread.start()
         deadline = time.monotonic() + SOON
         while not condition() and time.monotonic() < deadline:
+            if self.beats:
+                self.channel.put(Heartbeat())
+            for item in self.channel.take() if self.reads else ():
+                if isinstance(item, LoopStatus):
+                    self.status = item
+                else:
+                    self.measured.append(item)
             time.sleep(0.01)
-        assert condition(), self.loop.statistics()
+        assert condition(), self.status
 
     def stop(self) -> None:
-        self.loop.stop()
+        self.channel.shut()
+        if self.thread.is_alive():
+            self.thread.join(SOON)
+        self.channel.close()
+        self.far_end.close()
+
+    def counted(self, key: str) -> int:
+        return int(float(str(self.status.statistics[key])))
+
+
+Start = Callable[..., Running]
+
+
+@pytest.fixture
+def start(hoist: Robot) -> Iterator[Start]:
+    """Return a function that makes a loop against one tampered bus."""
+    runs: list[Running] = []
+
+    def make(tamper: Tamper = lambda answer: [answer], **arguments: float) -> Running:
+        runs.append(Running(hoist, [LinkBus(hoist, tamper)], **arguments))
+        return runs[-1]
+
+    yield make
+    for run in runs:
+        run.stop()
+
+
+@pytest.fixture
+def two_buses(hoist: Robot) -> Iterator[Running]:
+    """Let a loop run with `down` on the first bus, `up` and the joint on the second."""
+    groups = (BoardGroup((1,), ()), BoardGroup((0,), (0,)))
+    robot = dataclasses.replace(hoist, board_groups=groups)
+    boards = Boards(robot)
+    run = Running(
+        robot, [LinkBus(robot, lambda answer: [answer], boards, group) for group in (0, 1)]
+    )
+    yield run
+    run.stop()
 
 
 def of_session(answer: bytes, session: int) -> bytes:
     return dataclasses.replace(StateFrame.decode(answer), session=session).encode()
 
 
-def test_each_answer_is_published(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
+def test_each_answer_is_published(start: Start) -> None:
+    run = start()
     run.until(lambda: len(run.states) >= 5)
     assert [state.sequence for state in run.states[:5]] == [1, 2, 3, 4, 5]
 
@@ -135,12 +164,12 @@ def test_each_answer_is_published(hoist: Robot) -> None:
     ],
 )
 def test_noise_before_the_answer_is_counted_and_does_not_hide_it(
-    hoist: Robot, key: str, noise: Callable[[bytes], bytes]
+    start: Start, key: str, noise: Callable[[bytes], bytes]
 ) -> None:
-    run = Run(hoist, lambda answer: [noise(answer), answer])
-    run.until(lambda: len(run.states) >= 5)
+    run = start(lambda answer: [noise(answer), answer])
+    run.until(lambda: run.counted(key) >= 5)
     assert run.counted("misses") == 0
-    assert run.counted(key) >= 5
+    assert len(run.states) >= 5
 
 
 @pytest.mark.parametrize(
@@ -154,209 +183,182 @@ def test_noise_before_the_answer_is_counted_and_does_not_hide_it(
     ],
 )
 def test_noise_alone_is_a_miss_that_says_what_came(
-    hoist: Robot, text: str, noise: Callable[[bytes], bytes]
+    start: Start, text: str, noise: Callable[[bytes], bytes]
 ) -> None:
-    run = Run(hoist, lambda answer: [noise(answer)])
+    run = start(lambda answer: [noise(answer)])
     run.until(lambda: run.counted("misses") >= 5)
     assert run.states == []
-    assert run.loop.statistics()["last_bus_error"] == text
+    assert run.status.statistics["last_bus_error"] == text
 
 
-def test_a_doubled_answer_is_published_once(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer, answer])
+def test_a_doubled_answer_is_published_once(start: Start) -> None:
+    run = start(lambda answer: [answer, answer])
     run.until(lambda: len(run.states) >= 5)
     sequences = [state.sequence for state in run.states]
     assert sequences == sorted(set(sequences))
 
 
-def test_an_old_answer_is_never_published_after_a_newer_one(hoist: Robot) -> None:
+def test_an_old_answer_is_never_published_after_a_newer_one(start: Start) -> None:
     kept: list[bytes] = []
 
     def mixed(answer: bytes) -> list[bytes]:
         kept.append(answer)
         return [kept[0], answer, kept[0]]
 
-    run = Run(hoist, mixed)
+    run = start(mixed)
     run.until(lambda: len(run.states) >= 5)
     sequences = [state.sequence for state in run.states]
     assert sequences == sorted(set(sequences))
 
 
-def test_a_flood_of_answers_does_not_stop_the_commands(hoist: Robot) -> None:
+def test_a_flood_of_answers_does_not_stop_the_commands(start: Start) -> None:
     first: list[bytes] = []
 
     def flood(answer: bytes) -> list[bytes]:
         first.append(answer)
         return [first[0]] * 1000
 
-    run = Run(hoist, flood)
-    run.until(lambda: run.bus.sent >= 20)
+    run = start(flood)
+    run.until(lambda: run.buses[0].sent >= 20)
 
 
-def test_an_unplugged_bus_is_missed_until_it_is_back(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
+def test_an_unplugged_bus_is_missed_until_it_is_back(start: Start) -> None:
+    run = start()
+    run.until(lambda: len(run.states) > 0)
+    run.buses[0].unplugged = True
+    run.until(lambda: run.status.silent == (0,))
+    assert run.status.statistics["last_bus_error"] == "the cable is out"
+    run.buses[0].unplugged = False
+    run.until(lambda: run.status.silent == ())
 
-    def unplugged_and_back() -> bool:
-        run.bus.unplugged = len(run.states) > 0 and run.counted("misses") < 5
-        return run.counted("misses") >= 5 and run.loop.misses_in_a_row == 0
 
-    run.until(unplugged_and_back)
-    assert run.loop.statistics()["last_bus_error"] == "the cable is out"
+def test_a_few_lost_frames_are_no_silence(start: Start) -> None:
+    answers = itertools.cycle([True, False, False, False])
+    run = start(lambda answer: [answer] if next(answers) else [])
+    silent: set[tuple[int, ...]] = set()
+
+    def enough() -> bool:
+        silent.add(run.status.silent)
+        return run.counted("misses") >= 50
+
+    run.until(enough)
+    assert silent == {()}
 
 
-def test_what_the_bus_dropped_is_in_the_statistics(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    run.until(lambda: len(run.states) >= 1)
+def test_what_the_bus_dropped_is_in_the_statistics(start: Start) -> None:
+    run = start()
+    run.until(lambda: run.counted("replies") >= 1)
     assert run.counted("bus_stranger") == 4
 
 
-def test_boards_of_another_robot_are_a_miss_that_says_so(hoist: Robot) -> None:
+def test_boards_of_another_robot_are_a_miss_that_says_so(start: Start) -> None:
     def other(answer: bytes) -> list[bytes]:
         state = StateFrame.decode(answer)
         return [dataclasses.replace(state, joints=np.tile(state.joints, 2)).encode()]
 
-    run = Run(hoist, other)
+    run = start(other)
     run.until(lambda: run.counted("misses") >= 2)
-    assert run.loop.statistics()["last_bus_error"] == "the boards measure 2 joints, expected 1"
+    assert run.status.statistics["last_bus_error"] == "the boards measure 2 joints, expected 1"
 
 
-# Nobody holds up the control thread.
+# Nobody holds up the loop.
 
 
-def hang(run: Run, release: threading.Event) -> None:
-    """Let whoever publishes wait until he is released."""
-
-    def deliver(_measured: Measurement) -> None:
-        release.wait(SOON)
-
-    run.deliver = deliver
+def test_a_node_that_takes_nothing_stops_no_command(start: Start) -> None:
+    run = start()
+    run.reads = False
+    run.until(lambda: run.buses[0].sent >= 500)
 
 
-def test_whoever_publishes_for_ever_stops_no_command(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    release = threading.Event()
-    hang(run, release)
-    try:
-        run.until(lambda: run.bus.sent >= 50)
-    finally:
-        release.set()
+def test_states_that_nobody_takes_are_counted(start: Start) -> None:
+    run = start()
+    run.reads = False
+    run.until(lambda: run.loop.status().statistics["unpublished_states"] != 0)
 
 
-def test_states_that_nobody_takes_are_counted(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    release = threading.Event()
-    hang(run, release)
-
-    def enough() -> bool:
-        if run.bus.sent >= 50:
-            release.set()
-        return run.counted("unpublished_states") > 0
-
-    run.until(enough)
+def test_orders_are_carried_out_in_turn(start: Start) -> None:
+    run = start()
+    for number in range(20):
+        run.order(Command(Mode.LENGTH, [0], np.array([0.9 + 0.001 * number]), time.monotonic()))
+    run.until(lambda: run.buses[0].setpoint == pytest.approx(0.919, abs=1e-6))
 
 
-def test_a_state_that_cannot_be_published_is_told_once_and_the_next_one_is_tried(
-    hoist: Robot,
-) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    tried: list[int] = []
-
-    def fail(measured: Measurement) -> None:
-        tried.append(measured.state.sequence)
-        raise ValueError("no publisher")
-
-    run.deliver = fail
-    run.until(lambda: len(tried) >= 5)
-    (complaint,) = run.complaints
-    assert complaint.endswith("ValueError: no publisher\n")
+def test_an_emergency_stop_forgets_what_was_ordered_before_it(start: Start) -> None:
+    run = start()
+    run.order(EmergencyStop())
+    run.until(lambda: run.status.report.emergency)
+    run.order(ClearFaults())
+    run.order(EmergencyStop())
+    told = run.status
+    run.until(lambda: run.status is not told)
+    assert run.status.report.emergency
 
 
-def test_an_order_is_carried_out_by_the_control_thread(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    threads: list[str] = []
-    run.loop.order(lambda: threads.append(threading.current_thread().name))
-    run.until(lambda: len(threads) > 0)
-    assert threads == ["control"]
+def test_a_clearing_after_an_emergency_stop_ends_it(start: Start) -> None:
+    run = start()
+    run.order(EmergencyStop())
+    run.order(ClearFaults())
+    run.until(lambda: len(run.states) >= 5 and not run.status.report.emergency)
 
 
-def test_orders_are_carried_out_in_turn(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    done: list[int] = []
-    for number in range(100):
-        run.loop.order(functools.partial(done.append, number))
-    run.until(lambda: len(done) == 100)
-    assert done == list(range(100))
+def test_the_end_of_the_channel_ends_the_loop_and_closes_its_buses(start: Start) -> None:
+    run = start()
+    run.until(lambda: len(run.states) >= 1)
+    run.stop()
+    assert not run.thread.is_alive()
+    assert run.buses[0].closed
 
 
-def test_an_emergency_stop_forgets_what_was_ordered_before_it(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    done: list[str] = []
-    run.loop.order(lambda: done.append("clear"))
-    run.loop.order_first(lambda: done.append("stop"))
-    run.loop.order(lambda: done.append("later"))
-    run.until(lambda: "later" in done)
-    assert done == ["stop", "later"]
+def test_without_a_sign_of_the_node_no_frame_is_sent(start: Start) -> None:
+    run = start(patience=0.2)
+    run.until(lambda: len(run.states) >= 1)
+    run.beats = False
+    run.until(lambda: run.counted("unsupervised_periods") >= 2)
+    sent = run.buses[0].sent
+    run.until(lambda: run.counted("unsupervised_periods") >= 30)
+    assert run.buses[0].sent == sent
 
 
-def test_a_dead_control_thread_tells_its_traceback(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-
-    def defect() -> None:
-        raise ZeroDivisionError("a defect")
-
-    run.loop.order(defect)
-    run.until(lambda: len(run.complaints) > 0)
-    assert not run.loop.alive
-    (complaint,) = run.complaints
-    assert complaint.startswith("the control thread died:\nTraceback (most recent call last):\n")
-    assert complaint.endswith("ZeroDivisionError: a defect\n")
-
-
-def test_the_report_tells_what_is_latched(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    run.loop.order(run.control.arbiter.emergency_stop)
-    run.until(lambda: run.loop.report.emergency)
+def test_when_the_node_gives_a_sign_again_frames_are_sent_again(start: Start) -> None:
+    run = start(patience=0.2)
+    run.beats = False
+    run.until(lambda: run.counted("unsupervised_periods") >= 2)
+    run.beats = True
+    sent = run.buses[0].sent
+    run.until(lambda: run.buses[0].sent > sent)
 
 
 # Several buses.
 
 
-def test_a_silent_bus_does_not_hide_the_others_answers(hoist: Robot) -> None:
-    run = TwoBuses(hoist)
-    run.until(lambda: len(run.measured) >= 5)
-    run.buses[1].unplugged = True
-    run.measured.clear()
-    run.until(lambda: len(run.measured) >= 5)
-    run.stop()
-    assert run.loop.silent == [1]
+def test_a_silent_bus_does_not_hide_the_others_answers(two_buses: Running) -> None:
+    two_buses.until(lambda: len(two_buses.measured) >= 5)
+    two_buses.buses[1].unplugged = True
+    two_buses.until(lambda: two_buses.status.silent == (1,))
+    two_buses.measured.clear()
+    two_buses.until(lambda: len(two_buses.measured) >= 5)
 
 
 @pytest.mark.parametrize(("unplugged", "fresh"), [(0, True), (1, False)])
 def test_joints_are_fresh_if_their_group_answered(
-    hoist: Robot, unplugged: int, fresh: bool
+    two_buses: Running, unplugged: int, fresh: bool
 ) -> None:
-    run = TwoBuses(hoist)
-    run.until(lambda: len(run.measured) >= 5)
-    run.buses[unplugged].unplugged = True
-    run.until(lambda: unplugged in run.loop.silent)
-    run.measured.clear()
-    run.until(lambda: len(run.measured) >= 5)
-    run.stop()
-    assert {measured.joints_fresh for measured in run.measured[1:]} == {fresh}
+    two_buses.until(lambda: len(two_buses.measured) >= 5)
+    two_buses.buses[unplugged].unplugged = True
+    two_buses.until(lambda: two_buses.status.silent == (unplugged,))
+    two_buses.measured.clear()
+    two_buses.until(lambda: len(two_buses.measured) >= 5)
+    assert {measured.joints_fresh for measured in two_buses.measured} == {fresh}
 
 
-def test_each_of_several_buses_has_its_own_counts(hoist: Robot) -> None:
-    run = TwoBuses(hoist)
-    run.until(lambda: len(run.measured) >= 5)
-    run.stop()
-    statistics = run.loop.statistics()
-    assert int(str(statistics["bus0_replies"])) + int(str(statistics["bus1_replies"])) == int(
-        str(statistics["replies"])
-    )
+def test_each_of_several_buses_has_its_own_counts(two_buses: Running) -> None:
+    two_buses.until(lambda: two_buses.counted("replies") >= 5)
+    own = [two_buses.counted(f"bus{number}_replies") for number in (0, 1)]
+    assert sum(own) == two_buses.counted("replies")
 
 
-def test_periods_and_round_trips_are_timed(hoist: Robot) -> None:
-    run = Run(hoist, lambda answer: [answer])
-    run.until(lambda: float(str(run.loop.statistics()["rate_hz"])) > 0.0)
-    assert 0.0 < float(str(run.loop.statistics()["rate_hz"])) <= 210.0
-    assert 0.0 <= float(str(run.loop.statistics()["round_trip_ms"])) < 5.0
+def test_periods_and_round_trips_are_timed(start: Start) -> None:
+    run = start()
+    run.until(lambda: run.counted("rate_hz") > 0)
+    assert run.counted("rate_hz") <= 210
+    assert 0.0 <= float(str(run.status.statistics["round_trip_ms"])) < 5.0

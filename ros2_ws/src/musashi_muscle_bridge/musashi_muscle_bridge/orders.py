@@ -1,0 +1,90 @@
+"""What is asked of the control process: data on its way there, done between two frames.
+
+Check before what an order does: one that raises ends the control process.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from fastswing_planner.arrays import Vector
+from musashi_muscle_bridge.control import ControlPeriod
+from musashi_muscle_bridge.protocol import Mode
+
+
+class Order(Protocol):
+    """Anything that can be done to a ControlPeriod."""
+
+    def carry_out(self, control: ControlPeriod) -> None:
+        """Do it."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A checked length [m], tension [N] or current [A] command, of monotonic time `received` [s].
+
+    index   of the muscles
+    values  shape (len(index),)
+    """
+
+    mode: Mode
+    index: list[int]
+    values: Vector
+    received: float
+
+    def carry_out(self, control: ControlPeriod) -> None:
+        """Give it to the arbiter."""
+        control.arbiter.command(self.mode, self.index, self.values, self.received)
+
+
+@dataclass(frozen=True)
+class Override:
+    """A zero-current override with its lease [s], of monotonic time `received` [s]."""
+
+    index: list[int]
+    lease: float
+    received: float
+
+    def carry_out(self, control: ControlPeriod) -> None:
+        """Give it to the arbiter."""
+        control.arbiter.override(self.index, self.lease, self.received)
+
+
+@dataclass(frozen=True)
+class EmergencyStop:
+    """Zero current everywhere; whatever was ordered before it is forgotten."""
+
+    def carry_out(self, control: ControlPeriod) -> None:
+        """Stop."""
+        control.arbiter.emergency_stop()
+
+
+@dataclass(frozen=True)
+class ClearFaults:
+    """Clear the boards' faults and the emergency stop."""
+
+    def carry_out(self, control: ControlPeriod) -> None:
+        """Clear."""
+        control.clear_faults()
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Hold the measured lengths."""
+
+    def carry_out(self, control: ControlPeriod) -> None:
+        """Hold."""
+        control.arbiter.hold()
+
+
+@dataclass(frozen=True)
+class Heartbeat:
+    """Nothing but a sign that the node lives, and would hear an emergency stop."""
+
+    def carry_out(self, control: ControlPeriod) -> None:
+        """Do nothing."""
+
+
+def after_the_last_stop(orders: list[Order]) -> list[Order]:
+    """Return the last emergency stop and what came later: a clearing before it must not follow."""
+    stops = [place for place, order in enumerate(orders) if isinstance(order, EmergencyStop)]
+    return orders[stops[-1] :] if stops else orders
