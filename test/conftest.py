@@ -57,7 +57,7 @@ PACKAGES = {
     "record": "fastswing_planner",
 }
 NODE_NAMES = {"record": "recorder"}
-TIMEOUT_SEC = 60.0
+TIMEOUT_SEC = float(__import__("os").environ.get("TMO","60"))
 _ASK_AGAIN_SEC = 3.0
 _CLEAR_AGAIN_SEC = 5.0
 _GRACE_SEC = 1.0
@@ -347,6 +347,17 @@ def world(tmp_path: Path) -> Iterator[Suite]:
     suite = Suite(tmp_path)
     yield suite
     suite.close()
+
+
+@pytest.fixture(scope="module")
+def new_suite(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
+    """No node yet, for a whole module; afterwards every node has ended with 0."""
+    suite = Suite(tmp_path_factory.mktemp("suite"))
+    try:
+        yield suite
+    finally:
+        codes = suite.close()
+    assert set(codes.values()) <= {0}, codes
 
 
 @pytest.fixture(scope="module")

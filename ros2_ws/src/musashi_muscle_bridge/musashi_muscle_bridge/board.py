@@ -1,6 +1,7 @@
 """Emulated board firmware on top of the plant; without clock or I/O."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.robot import Robot
@@ -40,6 +41,7 @@ class Boards:
         self._tension_limit = np.array(robot.tension_limit)
         self._current_limit = np.array(robot.current_limit)
         self.fault = np.full(count, Fault.NONE, dtype=np.uint8)
+        self.silence_at_fault = np.zeros(count)  # [s] since the last command, when it latched
         self._velocity_limit = robot.limits.velocity
         self._watchdog_action = WatchdogAction.ZERO_CURRENT
         self._watchdog_timeout = np.inf
@@ -50,6 +52,11 @@ class Boards:
         self._answer["id"] = self._ids
         self._joint_answer = np.zeros(self.plant.joint_position.size, dtype=JOINT_ROW)
         self._sort_modes()
+
+    @property
+    def mode(self) -> NDArray[np.uint8]:
+        """What each board does with its motor, shape (m,); see `protocol.Mode`."""
+        return self._mode
 
     def handle(self, command: CommandFrame) -> StateFrame:
         """Take a command and answer with what was measured."""
@@ -122,6 +129,7 @@ class Boards:
             return
         self._obeyed = b""
         self.fault[which] = fault
+        self.silence_at_fault[which] = self._since_command
         hold = fault is Fault.WATCHDOG and self._watchdog_action is WatchdogAction.HOLD_LENGTH
         self._held[which] = hold
         self._mode[which] = Mode.LENGTH if hold else Mode.ZERO_CURRENT

@@ -16,6 +16,7 @@ from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.board_link import BoardLink
+from musashi_muscle_bridge.board_log import BoardLog
 from musashi_muscle_bridge.bus import open_board_port
 from musashi_muscle_bridge.bus_parameters import BUS_URL
 from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
@@ -54,6 +55,12 @@ TABLE = (
     _arm_fault("hot_motor", "the motor is beyond its temperature limit."),
     _arm_fault("broken_wire", "the wire pulls nothing."),
     Parameter("seed", 0, "Seed of jitter, loss and corruption.", "", 0, 2**31 - 1),
+    Parameter(
+        "board_log",
+        "",
+        "New file with every command frame and every change of the boards, with monotonic times; "
+        "empty: none.",
+    ),
 )
 
 
@@ -71,6 +78,7 @@ class MockDriverNode(ManagedNode):
         robot = load_robot(resolve_path(parameters["robot_description"]))
         self._names = robot.model.muscle_names
         self._url: str = parameters["bus_url"]
+        self._log_path: str = parameters["board_log"]
         try:
             self._boards = FaultyBoards(robot)
         except RobotDescriptionError as error:
@@ -99,6 +107,7 @@ class MockDriverNode(ManagedNode):
 
     def activate(self) -> None:
         """Open the port and let time pass."""
+        self._log = BoardLog(self._log_path) if self._log_path else None
         self._port = open_board_port(self._url)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
@@ -109,6 +118,8 @@ class MockDriverNode(ManagedNode):
         self._stop.set()
         self._thread.join()
         self._port.close()
+        if self._log is not None:
+            self._log.close()
 
     def _run(self) -> None:
         try:
@@ -145,11 +156,15 @@ class MockDriverNode(ManagedNode):
         if faults is not None:
             self._boards.inject(faults)
         self._link.advance(elapsed)
+        if self._log is not None:
+            self._log.changes(time.monotonic(), self._boards)
 
     def _exchange(self, now: float) -> None:
         for frame, sender in self._commands.take(now):
             answer = self._link.answer(frame, sender)
             if answer is not None:
+                if self._log is not None and self._link.command is not None:
+                    self._log.command(now, self._link.command, self._boards)
                 self._answers.put(answer, sender, now)
         for answer, sender in self._answers.take(now):
             self._port.send(answer, sender)

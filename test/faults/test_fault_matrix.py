@@ -1,0 +1,98 @@
+"""Whatever breaks, the arm ends safe, the operator sees it, and nothing needs a kill by hand.
+
+Each row of `fault_rows.py` runs through the executables. docs/fault_matrix.md is made from the
+results by `make faults`, which runs the timed rows many times.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "demo")]
+
+from bench import Bench  # noqa: E402
+from fault_rows import ROWS, Row, Safe  # noqa: E402
+from injections import NotPossible  # noqa: E402
+from outcome import Outcome, carry_out  # noqa: E402
+
+if TYPE_CHECKING:
+    from test.conftest import Suite
+
+pytestmark = pytest.mark.system
+
+RUNS = int(os.environ.get("FASTSWING_FAULT_RUNS", "0"))
+"""Runs of each timed row; 0: the rows of `make test`, once."""
+RESULTS = os.environ.get("FASTSWING_FAULT_RESULTS", "")
+LEASE_SEC, WATCHDOG_SEC, CONTROL_RATE = 0.05, 0.1, 500.0
+"""Defaults of inhibitor and bridge, which the suite runs with."""
+
+
+def cases() -> list[tuple[Row, int]]:
+    if RUNS == 0:
+        return [(row, 0) for row in ROWS if row.quick]
+    # Round by round: whatever ends it early, every row was there.
+    return [(row, run) for run in range(RUNS) for row in ROWS if run == 0 or row.timing]
+
+
+@pytest.fixture(scope="module")
+def bench(new_suite: "Suite", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    bench = Bench(new_suite, tmp_path_factory.mktemp("boards"))
+    bench.start_all()
+    yield bench
+
+
+@pytest.fixture(scope="module", params=cases(), ids=lambda case: f"{case[0].name}-{case[1]}")
+def row(request: pytest.FixtureRequest) -> Row:
+    chosen: Row = request.param[0]
+    return chosen
+
+
+@pytest.fixture(scope="module")
+def outcome(bench: Bench, row: Row, request: pytest.FixtureRequest) -> Outcome:
+    try:
+        outcome = carry_out(bench, row)
+    except NotPossible as reason:
+        pytest.skip(str(reason))
+    if RESULTS:
+        with Path(RESULTS).open("a") as file:
+            file.write(json.dumps(outcome.as_json()) + "\n")
+    return outcome
+
+
+def test_the_arm_ends_safe_and_the_operator_sees_why(outcome: Outcome, row: Row) -> None:
+    assert set(outcome.seen) == {place for place, _ in row.sees}
+
+
+def test_no_command_is_beyond_a_limit(outcome: Outcome, row: Row) -> None:
+    if row.defect:
+        pytest.xfail(row.defect)
+    assert outcome.beyond_limits == []
+
+
+def test_all_muscles_hold_again_and_nothing_was_killed_by_hand(outcome: Outcome) -> None:
+    assert outcome.recovered
+    assert outcome.killed_by_hand == []
+
+
+def test_without_inhibitor_no_muscle_is_let_go_longer_than_lease_and_two_periods(
+    outcome: Outcome, row: Row
+) -> None:
+    if not ("of inhibitor" in row.fault and row.phase == "swing"):
+        pytest.skip("another fault")
+    # Frames of the bridge, not seconds of this machine: a bridge that is not scheduled sends none.
+    assert outcome.frames_without_current <= LEASE_SEC * CONTROL_RATE + 2
+
+
+def test_without_commands_every_board_is_in_its_watchdog_within_its_time_and_one_period(
+    outcome: Outcome, row: Row
+) -> None:
+    if row.safe is not Safe.WATCHDOG:
+        pytest.skip("another fault")
+    # The boards' own time, not this machine's: boards that are not scheduled do not age.
+    assert outcome.silence is not None
+    assert WATCHDOG_SEC <= outcome.silence <= WATCHDOG_SEC + 1.0 / CONTROL_RATE
