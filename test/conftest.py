@@ -57,7 +57,7 @@ PACKAGES = {
     "record": "fastswing_planner",
 }
 NODE_NAMES = {"record": "recorder"}
-TIMEOUT_SEC = float(__import__("os").environ.get("TMO","60"))
+TIMEOUT_SEC = 60.0
 _ASK_AGAIN_SEC = 3.0
 _CLEAR_AGAIN_SEC = 5.0
 _GRACE_SEC = 1.0

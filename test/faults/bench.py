@@ -80,7 +80,7 @@ class Bench:
         self.folder = folder
         self.swing: Swing | None = None
         self.extra: list[Callable[[], object]] = []
-        """What ends what a fault made besides, such as processes and publishers; `tidy` calls it."""
+        """End what a fault made besides, such as processes and publishers; called by `tidy`."""
         self._logs: list[BoardLines] = []
         self._heard: dict[str, float] = {}
         self._clock_ahead: float | None = None
@@ -209,21 +209,23 @@ class Bench:
         suite.trigger("disarm_inhibitor")
 
     def wait_for_idle(self) -> None:
-        """Wait until no swing runs."""
+        """Wait until the swing has ended, or its executor says so: its result can be lost."""
         if self.swing is not None and not self.swing.ended:
-            since = time.monotonic()
-            self.suite.until(
-                "the executor to be idle",
-                lambda: (
-                    self.swing is None
-                    or self.swing.ended
-                    or (
-                        self._heard.get("swing_executor", 0.0) > since
-                        and self.suite.reported("swing_executor", "phase") == "idle"
-                    )
-                ),
-            )
+            self._wait_for_phase_idle()
         self.swing = None
+
+    def _wait_for_phase_idle(self) -> None:
+        since = time.monotonic()
+        self.suite.until(
+            "the executor to be idle",
+            lambda: (
+                (self.swing is not None and self.swing.ended and self.swing.result[:4] != "BUSY")
+                or (
+                    self._heard.get("swing_executor", 0.0) > since
+                    and self.suite.reported("swing_executor", "phase") == "idle"
+                )
+            ),
+        )
 
     def swing_to(self, phase: str, method: int = SwingOptions.METHOD_INHIBIT) -> None:
         """Swing as far as a phase; in the swing with Method 1, until muscles are let go."""
@@ -243,6 +245,8 @@ class Bench:
             )
         if swing.result.startswith("HOLDING_INFEASIBLE"):
             self.relax()
+        if swing.result.startswith("BUSY"):
+            self._wait_for_phase_idle()
         if swing.ended or max(swing.phases) > wanted:
             raise Disturbed(f"no way to the phase {phase}: {swing.result}")
 

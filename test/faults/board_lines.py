@@ -1,7 +1,11 @@
 """Reads the log of the emulated boards while it grows: the truth about commands and modes."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
+
+T = TypeVar("T")
 
 LENGTH, TENSION, CURRENT, ZERO = "3", "2", "1", "0"
 WATCHDOG = "5"
@@ -94,8 +98,10 @@ class BoardLines:
         if len(lines) < 2 or lines[-1].time < time + _QUIET_SEC:
             return None
 
-        def others(text: str | tuple[float, ...]) -> list[str] | list[float]:
-            return [value for index, value in enumerate(text) if index not in without]  # type: ignore[misc]
+        chosen = [index for index in range(len(lines[-1].modes)) if index not in without]
+
+        def others(values: Sequence[T]) -> list[T]:
+            return [values[index] for index in chosen]
 
         if set(others(lines[-1].modes)) != {LENGTH} or set(others(lines[-1].faults)) != {"0"}:
             return None

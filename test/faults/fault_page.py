@@ -13,8 +13,8 @@ from typing import Any
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "demo")]
 
-from bench import HOLD
-from fault_rows import ROWS, Row, Safe
+from bench import HOLD  # noqa: E402
+from fault_rows import ROWS, Row, Safe  # noqa: E402
 
 Result = dict[str, Any]
 LEASE_MS, PERIOD_MS, WATCHDOG_MS = 50.0, 2.0, 100.0
@@ -26,10 +26,10 @@ Made by `make faults` (`test/faults/fault_page.py`) from a run of {date}: {attem
 the executables, on {machine}. Do not edit it by hand. `make test` runs {quick} of the
 {rows} rows once.
 
-All nodes run with their defaults, but `raise_speed` 2 rad/s to save time. Every time is taken where
-the truth is: in the log of the emulated boards (`board_log` of the mock driver), which notes each
-command frame and each change of the boards with the monotonic clock. Time until safe counts from the
-injection: median / largest (runs). "Safe" is the row's own word:
+All nodes run with their defaults, but `raise_speed` 2 rad/s to save time. Every time is taken
+where the truth is: in the log of the emulated boards (`board_log` of the mock driver), which notes
+each command frame and each change of the boards with the monotonic clock. Time until safe counts
+from the injection: median / largest (runs). "Safe" is the row's own word:
 
 {safe}
 
@@ -151,10 +151,7 @@ def claims(results: dict[str, list[Result]]) -> str:
     frames = [result["frames_without_current"] for result in of_inhibitor]
     times = [result["safe_after"] for result in of_inhibitor]
     watchdog = [
-        result
-        for row in ROWS
-        if row.safe is Safe.WATCHDOG
-        for result in results.get(row.name, [])
+        result for row in ROWS if row.safe is Safe.WATCHDOG for result in results.get(row.name, [])
     ]
     silence = [result["silence"] * 1e3 for result in watchdog]
     after = [result["safe_after"] for result in watchdog]
@@ -165,8 +162,8 @@ def claims(results: dict[str, list[Result]]) -> str:
     return "\n".join(
         [
             "| inhibitor killed or stopped in the swing: no muscle is let go longer than lease + "
-            f"two control periods, {LEASE_MS:g} + {2 * PERIOD_MS:g} ms or {most:g} frames | at most "
-            f"{max(frames)} frames in {len(frames)} runs; all muscles held after "
+            f"two control periods, {LEASE_MS:g} + {2 * PERIOD_MS:g} ms or {most:g} frames | at "
+            f"most {max(frames)} frames in {len(frames)} runs; all muscles held after "
             f"{milliseconds(times)} |",
             "| bridge killed or stopped, bus dead: every board in its watchdog action within "
             f"{WATCHDOG_MS:g} ms + one period | {min(silence):.1f} to {max(silence):.1f} ms of the "

@@ -138,7 +138,7 @@ def _restart_row(node: str) -> Row:
         "Processes",
         f"restart of {node} (SIGINT, start)",
         "swing",
-        lambda bench: (make.end_or_stop(bench, node, signal.SIGINT), bench.restart(node)),
+        lambda bench: make.end_and_restart(bench, node),
         safe,
         sees,
         [CLEAR] if node in ("mock_driver", "bridge") else [],
@@ -188,7 +188,11 @@ BUS_ROWS += [
         timing=phase == "swing",
         quick=phase == "swing",
     )
-    for phase, result in ((HOLD, []), ("raise", [("result", "FAULT_LATCHED")]), ("swing", [("result", "FAULT_LATCHED")]))
+    for phase, result in (
+        (HOLD, []),
+        ("raise", [("result", "FAULT_LATCHED")]),
+        ("swing", [("result", "FAULT_LATCHED")]),
+    )
 ]
 BUS_ROWS += [
     Row(
@@ -290,7 +294,10 @@ MESSAGE_ROWS = [
         HOLD,
         make.length_commands(float("nan")),
         Safe.UNCHANGED,
-        [("bridge", "two publishers|is nan"), ("bridge.rejected_length_command_not_finite", "[1-9]")],
+        [
+            ("bridge", "two publishers|is nan"),
+            ("bridge.rejected_length_command_not_finite", "[1-9]"),
+        ],
     ),
     Row(
         "Messages",
@@ -371,6 +378,16 @@ TIME_ROWS += [
         Safe.HELD,
         [("bridge", "stamp is zero"), ("result", ".")],
         [Step("set `use_sim_time` to false, or start the clock", make.real_time)],
+        prepare=make.fresh_nodes,
+    ),
+    Row(
+        "Time",
+        "the clock of use_sim_time stops",
+        "swing",
+        make.stop_clock,
+        Safe.SWUNG,
+        [],
+        prepare=make.on_simulated_time,
     ),
 ]
 

@@ -69,6 +69,12 @@ def end_or_stop(bench: Bench, node: str, signal_number: int) -> None:
         bench.kill(node, signal_number)
 
 
+def end_and_restart(bench: Bench, node: str) -> None:
+    """End a node with SIGINT and start it again."""
+    bench.kill(node, signal.SIGINT)
+    bench.restart(node)
+
+
 # Messages.
 
 
@@ -215,6 +221,20 @@ def on_simulated_time(bench: Bench) -> bool:
     return False
 
 
+def fresh_nodes(bench: Bench) -> bool:
+    """Before the fault: nodes that never heard a clock, else the last time they heard stays."""
+    for name in ("bridge", "swing_executor", "inhibitor"):
+        bench.kill(name, signal.SIGINT)
+        bench.restart(name)
+    clear(bench)
+    return False
+
+
+def stop_clock(bench: Bench) -> None:
+    """Let /clock fall silent."""
+    bench.run_clock(None)
+
+
 def no_clock(bench: Bench) -> None:
     """Put all nodes on simulated time without a clock, and ask for a swing."""
     bench.run_clock(None)
@@ -302,4 +322,3 @@ def _record(bench: Bench, output: Path) -> None:
 
     bench.extra.insert(0, end)
     bench.suite.until("the recorder's diagnostics", lambda: "recorder" in bench.suite.diagnostics)
-

@@ -1,6 +1,7 @@
 """Task code that is killed: asks for the robot's own swing by Method 1, or only listens."""
 
 import sys
+from contextlib import suppress
 
 import rclpy
 from rclpy.action import ActionClient
@@ -35,10 +36,8 @@ def main(swings: bool) -> None:
         while not client.server_is_ready():
             executor.spin_once(timeout_sec=0.05)
         client.send_goal_async(goal)
-    try:
+    with suppress(ExternalShutdownException):
         executor.spin()
-    except ExternalShutdownException:
-        pass
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ results by `make faults`, which runs the timed rows many times.
 import json
 import os
 import sys
-from collections.abc import Iterator
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,15 +35,22 @@ LEASE_SEC, WATCHDOG_SEC, CONTROL_RATE = 0.05, 0.1, 500.0
 def cases() -> list[tuple[Row, int]]:
     if RUNS == 0:
         return [(row, 0) for row in ROWS if row.quick]
-    # Round by round: whatever ends it early, every row was there.
-    return [(row, run) for run in range(RUNS) for row in ROWS if run == 0 or row.timing]
+    # Round by round, and going on from the results that are there: it may be ended early.
+    lines = Path(RESULTS).read_text().splitlines() if Path(RESULTS).is_file() else []
+    done = Counter(json.loads(line)["row"] for line in lines)
+    return [
+        (row, run)
+        for run in range(RUNS)
+        for row in sorted(ROWS, key=lambda row: not row.quick)
+        if run >= done[row.name] and (run == 0 or row.timing)
+    ]
 
 
 @pytest.fixture(scope="module")
-def bench(new_suite: "Suite", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def bench(new_suite: "Suite", tmp_path_factory: pytest.TempPathFactory) -> Bench:
     bench = Bench(new_suite, tmp_path_factory.mktemp("boards"))
     bench.start_all()
-    yield bench
+    return bench
 
 
 @pytest.fixture(scope="module", params=cases(), ids=lambda case: f"{case[0].name}-{case[1]}")

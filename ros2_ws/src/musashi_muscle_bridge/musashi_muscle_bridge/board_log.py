@@ -58,7 +58,9 @@ class BoardLog:
         faulty = boards.fault > 0
         silence = boards.silence_at_fault[faulty].max(initial=0.0)
         digits = f"{_digits(boards.mode)}\t{_digits(boards.fault)}"
-        self._write(f"boards\t{now:.6f}\t{digits}\t{silence:.6f}\t{boards.plant.tension.max():.2f}\n")
+        self._write(
+            f"boards\t{now:.6f}\t{digits}\t{silence:.6f}\t{boards.plant.tension.max():.2f}\n"
+        )
 
     def _condition(self, boards: Boards) -> str:
         return f"{_digits(boards.mode)}\t{_digits(boards.fault)}\t{boards.plant.tension.max():.2f}"
