@@ -50,6 +50,24 @@ hold strictly, on a busy machine too. The milliseconds include the machine's sta
 
 """
 
+BESIDES = """## Besides
+
+- **Method 1's muscles come back bumplessly.** The zero current ends with the lease. From there the
+  commanded length moves from the measured one to the commanded one within the speed limit: that is
+  the difference between "no muscle is let go" and `held`.
+- **A swing whose inhibitor dies goes on** as a basic swing with the end posture commanded; its
+  result is SUCCESS. That the inhibitor is gone is only seen in `/diagnostics`.
+- **A stray joint state** that jumps ends the inhibition and the swing at once, one with NaN
+  is counted and ignored.
+- **After a fault the arm may hang where no muscles can hold it on its way to the start.** The next
+  swing is then refused with HOLDING_INFEASIBLE. Support the arm, `emergency_stop`, let it hang,
+  `clear_faults`, and swing again.
+- **Current commands are not tension commands**: 1e6 A is clamped to the robot's `current_limit`,
+  which pulls more than `tension_max`; when the stream ends the muscle holds the length it has, and
+  so the tension. The boards pay out above `tension_limit`.
+
+"""
+
 NOT_COVERED = """## What this does not show
 
 - Clock jumps are jumps of `/clock` with `use_sim_time`. A jump of the computer's own clock is not
@@ -104,6 +122,14 @@ def seen_text(row: Row, results: Sequence[Result]) -> str:
     if row.phase != HOLD and "result" not in places:
         outcome = sorted({result["result"] for result in results if result["result"]})
         parts += [f"swing: {_cell(text)}" for text in outcome]
+    later = sorted(
+        {
+            result["result_after"]
+            for result in results
+            if result.get("result_after") and not result["result"]
+        }
+    )
+    parts += [f"after the recovery the swing ends: {_cell(text)}" for text in later]
     if row.defect:
         parts.append(f"**to be mended**: {row.defect}")
     parts += [_cell(note) for note in results[0]["notes"]]
@@ -149,7 +175,8 @@ def claims(results: dict[str, list[Result]]) -> str:
         for result in results.get(row.name, [])
     ]
     frames = [result["frames_without_current"] for result in of_inhibitor]
-    times = [result["safe_after"] for result in of_inhibitor]
+    times = [result["let_go_sec"] for result in of_inhibitor if result.get("let_go_sec")]
+    held = [result["safe_after"] for result in of_inhibitor]
     watchdog = [
         result for row in ROWS if row.safe is Safe.WATCHDOG for result in results.get(row.name, [])
     ]
@@ -163,8 +190,9 @@ def claims(results: dict[str, list[Result]]) -> str:
         [
             "| inhibitor killed or stopped in the swing: no muscle is let go longer than lease + "
             f"two control periods, {LEASE_MS:g} + {2 * PERIOD_MS:g} ms or {most:g} frames | at "
-            f"most {max(frames)} frames in {len(frames)} runs; all muscles held after "
-            f"{milliseconds(times)} |",
+            f"most {max(frames)} frames in {len(frames)} runs; the last such frame after "
+            f"{milliseconds(times)}; back at constant lengths, bumplessly, after "
+            f"{milliseconds(held)} |",
             "| bridge killed or stopped, bus dead: every board in its watchdog action within "
             f"{WATCHDOG_MS:g} ms + one period | {min(silence):.1f} to {max(silence):.1f} ms of the "
             f"boards' time in {len(silence)} runs; {milliseconds(after)} from the injection |",
@@ -196,7 +224,10 @@ def page(results: dict[str, list[Result]], date: str) -> str:
     text += CLAIMS.format(claims=claims(results))
     for group in dict.fromkeys(row.group for row in ROWS):
         text += table_of(group, results) + "\n"
-    return text + NOT_COVERED
+    missing = [f"{row.fault}, {row.phase}" for row in ROWS if row.name not in results]
+    if missing:
+        text += f"## Rows that this run did not reach\n\n{len(missing)}: {'; '.join(missing)}.\n\n"
+    return text + BESIDES + NOT_COVERED
 
 
 def write(results_file: Path, output: Path) -> None:

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 from bench import HOLD, NODES, Bench, Disturbed
-from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG
+from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO
 from fault_rows import Row, Safe
 
 from musashi_muscle_bridge.control import command_limits
 
-ATTEMPTS = 5
+ATTEMPTS = 8
 _STALLED = ("STALE_STATE", "FAULT_LATCHED", "joint states stopped", "PHASE_TIMEOUT")
 _ROUNDING = 2e-4  # of the wire's 32-bit numbers and of the log
 
@@ -23,10 +23,11 @@ class Outcome:
 
     safe_after              None where nothing is there to measure
     seen                    what an operator saw, text by place
-    result                  of the swing
+    result, result_after    of the swing, before and after the recovery
     peak_tension            [N] measured, the largest of all muscles
     beyond_limits           commands beyond the robot's limits
     frames_without_current  command frames in a row that went on letting muscles go
+    let_go_sec              from the injection to the last frame that let a muscle go
     silence                 [s] the boards' own time from the last command to their watchdog
     recovered               whether all muscles hold without faults in the end
     killed_by_hand          nodes that had to be killed
@@ -37,9 +38,11 @@ class Outcome:
     safe_after: float | None = None
     seen: dict[str, str] = field(default_factory=dict)
     result: str = ""
+    result_after: str = ""
     peak_tension: float = 0.0
     beyond_limits: list[str] = field(default_factory=list)
     frames_without_current: int = 0
+    let_go_sec: float | None = None
     silence: float | None = None
     recovered: bool = False
     recovery_sec: float = 0.0
@@ -72,6 +75,9 @@ def _attempt(bench: Bench, row: Row) -> Outcome:
     on_the_way = row.prepare is not None and row.prepare(bench)
     if row.phase != HOLD and not on_the_way:
         bench.swing_to(row.phase)
+    if row.safe is Safe.UNCHANGED:
+        now = time.monotonic()
+        bench.suite.until("the arm to be held", lambda: bench.lines.held_since(now) is not None)
     bench.suite.diagnostics.clear()
     outcome = Outcome(row.name)
     start = time.monotonic()
@@ -171,6 +177,8 @@ def _judge(bench: Bench, outcome: Outcome, start: float) -> None:
     outcome.result = "" if bench.swing is None else bench.swing.result
     outcome.notes = list(bench.notes)
     outcome.frames_without_current = lines.frames_without_current(start)
+    last_let_go = [line.time for line in commands if ZERO in line.modes][-1:]
+    outcome.let_go_sec = last_let_go[0] - start if last_let_go else None
     outcome.silence = lines.silence_of_watchdog(start)
     tensions = [line.tension for line in commands]
     tensions += [line.tension for line in lines.boards if line.time >= start]
@@ -202,7 +210,9 @@ def _recover(bench: Bench, row: Row, outcome: Outcome) -> None:
     for step in row.recover:
         step.act(bench)
     bench.suite.refuse_dead()
+    swing = bench.swing
     bench.wait_for_idle()
+    outcome.result_after = "" if swing is None else swing.result
     bench.suite.until("the boards to answer", lambda: _sound(bench))
     outcome.recovered = True
     outcome.recovery_sec = time.monotonic() - started
