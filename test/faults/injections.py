@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from bench import Bench, Swing
-from board_lines import ZERO
+from board_lines import CURRENT, TENSION, ZERO
 from builtin_interfaces.msg import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -144,6 +144,13 @@ def _publish(
     suite.until("some commands", lambda: time.monotonic() > deadline)
 
 
+def _obeyed(bench: Bench, mode: str, seconds: float) -> None:
+    """Wait until the boards obey commands of a mode, and then for so long [s]."""
+    bench.suite.until("the commands to arrive", lambda: mode in bench.lines.commands[-1].modes)
+    deadline = time.monotonic() + seconds
+    bench.suite.until("the commands' end", lambda: time.monotonic() > deadline)
+
+
 def length_commands(value: float) -> Callable[[Bench], None]:
     """Return an injection: commands of this length [m] for #9."""
 
@@ -162,7 +169,8 @@ def tension_commands(bench: Bench) -> None:
     def make() -> TensionCommand:
         return TensionCommand(header=bench.suite.now(), name=["#9"], tension=[1e6])
 
-    _publish(bench, TensionCommand, "tension_command", make, 0.5, QoSProfile(depth=10))
+    _publish(bench, TensionCommand, "tension_command", make, 0.0, QoSProfile(depth=10))
+    _obeyed(bench, TENSION, 0.5)
     end_extra(bench)
 
 
@@ -173,7 +181,8 @@ def current_commands(current: float, seconds: float) -> Callable[[Bench], None]:
         def make() -> CurrentCommand:
             return CurrentCommand(header=bench.suite.now(), name=["#9"], current=[current])
 
-        _publish(bench, CurrentCommand, "current_command", make, seconds, QoSProfile(depth=10))
+        _publish(bench, CurrentCommand, "current_command", make, 0.0, QoSProfile(depth=10))
+        _obeyed(bench, CURRENT, seconds)
         end_extra(bench)
 
     return inject
