@@ -7,8 +7,9 @@ Tab-separated, one line per event, each written at once: a process that is kille
 
 time [s] is CLOCK_MONOTONIC, the same for all processes of a machine. group counts the buses from 0;
 a command is for the muscles of its group. Modes and faults are one digit for each muscle, setpoints
-[m], [N] or [A] by mode. limit (of the tension) and tension [N] are the largest of all muscles. silence [s] is the boards' own time since the last command when the latest
-fault latched, the largest of all faulty boards: it does not depend on when the process ran.
+[m], [N] or [A] by mode. limit (of the tension) and tension [N] are the largest of all muscles.
+silence [s] is the boards' own time since the last command when the latest fault latched, the
+largest of all faulty boards: it does not depend on when the process ran.
 """
 
 from pathlib import Path
