@@ -122,6 +122,7 @@ class Client:
             options=SwingOptions(method=method),
         )
         self.spin_until(self._swings.server_is_ready, _READY_SEC, "waiting for execute_swing")
+        goal.stamp = self.node.get_clock().now().to_msg()
         future = self._swings.send_goal_async(
             goal, feedback_callback=lambda message: on_phase(Phase(message.feedback.phase))
         )

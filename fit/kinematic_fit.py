@@ -107,7 +107,7 @@ def write_description(values: Vector) -> None:
 def summarise(robot: Robot, state: Evolution, seed: int) -> dict[str, dict[str, Any]]:
     """Return what was fitted and what the written description reaches, through the planner."""
     planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
-    plans = {method: _plan(planner, robot, method) for method in Method}
+    plans = {method: _plan(planner, robot, method) for method in PEAK}
     return {
         "fit": {
             "seed": seed,
@@ -129,7 +129,7 @@ def summarise(robot: Robot, state: Evolution, seed: int) -> dict[str, dict[str, 
 def report_lines(reached: dict[str, Any]) -> list[str]:
     """Return the table of what the paper prints beside what the written arm reaches."""
     lines = ["method    peak E-p [rad/s] (paper)  steps (paper)  masked"]
-    for method in Method:
+    for method in PEAK:
         row = reached[method.name.lower()]
         lines.append(
             f"{method.name.lower():<10}{row['peak_rad_per_s']:>8.3f} ({row['peak_paper']})"

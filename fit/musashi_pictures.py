@@ -15,12 +15,12 @@ from kinematic_fit import REPOSITORY, ROBOT_YAML
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from swing_targets import ELBOW_PITCH, EPSILON, JOINTS, MUSCLES, travel_arms
+from swing_targets import ELBOW_PITCH, EPSILON, JOINTS, MUSCLES, PEAK, travel_arms
 
 from fastswing_planner.mujoco_model import load_mjcf
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
-from fastswing_planner.request import Method, SwingRequest
+from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.swing import SwingSettings
 
@@ -109,7 +109,7 @@ def draw_swings(robot: Robot) -> None:
     planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
     start, end = robot.postures["start"], robot.postures["end"]
     figure, axes = plt.subplots(2, 1, figsize=(8, 7), sharex=True)
-    for method, colour in zip(Method, _COLOURS, strict=True):
+    for method, colour in zip(PEAK, _COLOURS, strict=True):
         settings = SwingSettings(epsilon=EPSILON)
         swing = planner.plan(SwingRequest(start, end, method, settings=settings)).trajectory
         label = f"{method.name.lower()}, {swing.time_cost:.2f} s"

@@ -59,7 +59,7 @@ PARAMETERS: tuple[Parameter, ...] = (
         0.5,
         8.0,
         "kg",
-        "rotor of a 90 W motor (some g cm^2), gear 29:1, pulley of 8 to 20 mm radius",
+        "rotor of 0.3 to 5 g cm^2, gear 29:1, pulley of 7 mm radius",
     ),
     Parameter(
         "plant",

@@ -87,7 +87,7 @@ NODES = tuple(
             Policy(
                 "swing_executor",
                 publishes=("length_command", "swing_plan"),
-                subscribes=(*STATES, "inhibition_status"),
+                subscribes=(*STATES, "inhibition_status", "length_command"),
                 calls=("plan_swing", "arm_inhibitor", "disarm_inhibitor", "hold_posture"),
                 executes=("execute_swing",),
             ),

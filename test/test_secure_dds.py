@@ -56,6 +56,7 @@ goal = ExecuteSwing.Goal(
 swings = ActionClient(node, ExecuteSwing, "execute_swing")
 assert swings.wait_for_server(60.0), "no executor"
 while True:
+    goal.stamp = node.get_clock().now().to_msg()
     sent = swings.send_goal_async(goal)
     rclpy.spin_until_future_complete(node, sent)
     answer = sent.result().get_result_async()

@@ -17,6 +17,7 @@ class CommandLine:
     """One command frame that the boards took; times [s] monotonic."""
 
     time: float
+    group: int
     session: int
     sequence: int
     modes: str
@@ -66,10 +67,13 @@ class BoardLines:
                 BoardsLine(float(time), modes, faults, float(silence), float(tension))
             )
             return
-        _, time, session, sequence, modes, setpoints, limit, board_modes, faults, tension = cells
+        _, time, group, session, sequence, modes, setpoints, limit, board_modes, faults, tension = (
+            cells
+        )
         self.commands.append(
             CommandLine(
                 float(time),
+                int(group),
                 int(session),
                 int(sequence),
                 modes,

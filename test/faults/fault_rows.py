@@ -67,7 +67,7 @@ class Row:
 
 CLEAR = Step("support the arm, `clear_faults`", make.clear)
 _STOPPED = "STALE_STATE|FAULT_LATCHED|NOT_READY"
-_NOT_ANSWERING = ("bridge", "do not answer")
+_NOT_ANSWERING = ("bridge", "do not answer|latched until clear_faults")
 _WATCHDOGS = ("mock_driver.faulty_boards", "^10$")
 
 

@@ -208,7 +208,10 @@ def arm_again(bench: Bench) -> None:
     """Ask an armed inhibitor to arm; it has to say that it is busy."""
     goal = bench.suite.goal()
     request = ArmInhibitor.Request(
-        goal_position=goal.end_position, time_limit=Duration(sec=1), threshold=0.0
+        stamp=bench.suite.now().stamp,
+        goal_position=goal.end_position,
+        time_limit=Duration(sec=1),
+        threshold=0.0,
     )
     answer = bench.suite.ask(ArmInhibitor, "arm_inhibitor", request)
     assert answer.error_code in (ErrorCode.BUSY, ErrorCode.SUCCESS), answer.error_string

@@ -35,6 +35,7 @@ def main(swings: bool) -> None:
         client = ActionClient(node, ExecuteSwing, "execute_swing")
         while not client.server_is_ready():
             executor.spin_once(timeout_sec=0.05)
+        goal.stamp = node.get_clock().now().to_msg()
         client.send_goal_async(goal)
     with suppress(ExternalShutdownException):
         executor.spin()

@@ -15,7 +15,6 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
-from rclpy.duration import Duration
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -30,8 +29,6 @@ from fastswing_planner.robot_path import MUSASHI, resolve_path
 
 _PERIOD_SEC = 0.02
 _GRAPH_PERIOD_SEC = 0.25
-# A goal that is still on its way after this is not delivered any more (docs/multi_host.md).
-_GOAL_LIFESPAN = Duration(seconds=1)
 _WATCHED = ("joint_states", "length_command", "swing_plan", "inhibition_status")
 _TRIGGERS = ("hold_posture", "clear_faults", "emergency_stop")
 
@@ -48,12 +45,7 @@ class View:
         self.node.create_subscription(MuscleState, "muscle_state", self._on_muscles, newest)
         self.node.create_subscription(JointState, "joint_states", self._on_joints, newest)
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 100)
-        self._swings = ActionClient(
-            self.node,
-            ExecuteSwing,
-            "execute_swing",
-            goal_service_qos_profile=QoSProfile(depth=10, lifespan=_GOAL_LIFESPAN),
-        )
+        self._swings = ActionClient(self.node, ExecuteSwing, "execute_swing")
         self._triggers = {name: self.node.create_client(Trigger, name) for name in _TRIGGERS}
 
     def _on_muscles(self, message: MuscleState) -> None:
@@ -91,6 +83,7 @@ class View:
 
     def _swing(self, method: str) -> None:
         goal = ExecuteSwing.Goal(
+            stamp=self.node.get_clock().now().to_msg(),
             start_position=self.robot.postures["start"].tolist(),
             end_position=self.robot.postures["end"].tolist(),
             options=SwingOptions(method=getattr(SwingOptions, f"METHOD_{method}")),

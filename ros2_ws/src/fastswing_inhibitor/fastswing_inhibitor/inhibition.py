@@ -7,6 +7,7 @@ from enum import IntEnum
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
+from fastswing_planner.errors import NotReady, StaleState
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.speed_index import moment_arm, speed_index
 from fastswing_planner.swing_execution import JointMeasurement
@@ -93,8 +94,10 @@ class Inhibition:
         self._arming: Arming | None = None
         self._last: JointMeasurement | None = None
         self._start: Vector | None = None
+        self._seen: float | None = None
         self.reason = Reason.NEVER_ARMED
         self.decisions = 0
+        self.rejected = 0
 
     @property
     def armed(self) -> bool:
@@ -106,13 +109,26 @@ class Inhibition:
         """C [s/rad] of the armed swing; NaN if not armed."""
         return np.nan if self._arming is None else self._arming.threshold
 
+    def see(self, time: float) -> None:
+        """Take note of a joint state of that time [s] while not armed: they come."""
+        self._seen = time
+
     def arm(self, arming: Arming) -> None:
-        """Begin a swing with the next joint state."""
+        """Begin a swing with the next joint state; raises NotReady or StaleState if none come."""
+        if self._seen is None:
+            raise NotReady("no joint state yet: is the bridge active?")
+        age, allowed = arming.start_time - self._seen, self._settings.state_timeout
+        if age > allowed:
+            raise StaleState(
+                f"the last joint state is {age:.3f} s old, at most {allowed:g} s: is the bridge "
+                "active?"
+            )
         self._arming = arming
         self._last = None
         self._start = None
         self.reason = Reason.NONE
         self.decisions = 0
+        self.rejected = 0
 
     def disarm(self, reason: Reason) -> None:
         """End the swing; the first reason stays."""
@@ -130,14 +146,30 @@ class Inhibition:
         elif now - newest > self._settings.state_timeout:
             self.disarm(Reason.STALE_STATE)
 
-    def decide(self, joints: JointMeasurement) -> Decision:
-        """Return what to inhibit at this joint state; ends the swing where it has to end."""
-        self.watch(joints.time)
+    def reject(self, now: float) -> None:
+        """Take note of a joint state that cannot be used; too many of them are a silence."""
+        if self._arming is not None:
+            self.rejected += 1
+        self.watch(now)
+
+    def decide(self, joints: JointMeasurement, now: float | None = None) -> Decision:
+        """Return what to inhibit at this joint state; ends the swing where it has to end.
+
+        now  [s] on the clock of `joints.time`; None: the state was measured just now
+
+        Raises StaleState for a state that is too old to decide on; `reject` it then.
+        """
+        now = joints.time if now is None else now
+        self.watch(now)
         arming = self._arming
         if arming is None:
             return self._nothing()
+        age, allowed = now - joints.time, self._settings.state_timeout
+        if age > allowed:
+            raise StaleState(f"a joint state is {age:.3f} s old, at most {allowed:g} s")
         end = self._end_reason(joints, arming)
         self._last = joints
+        self._seen = joints.time
         if end is not Reason.NONE:
             self.disarm(end)
             return self._nothing()

@@ -1,5 +1,6 @@
 """Method 1 as a node: joint state in, current override out."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -11,15 +12,23 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
-from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
+from fastswing_inhibitor.inhibition import (
+    Arming,
+    Decision,
+    Inhibition,
+    InhibitionSettings,
+    Reason,
+)
+from fastswing_inhibitor.latency import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known
 from fastswing_planner.error_code import error_code
-from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
+from fastswing_planner.errors import InvalidLimit, PlannerError
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.request import checked_threshold, posture
+from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.state_conversion import JointStateReader, RejectionCounter
@@ -40,6 +49,16 @@ _REASON_TEXTS = {
 
 TABLE = (
     ROBOT_DESCRIPTION,
+    REQUEST_MAX_AGE,
+    Parameter(
+        "threshold",
+        0.0,
+        "C of arming requests whose threshold is NaN. The swing executor never asks so: it arms "
+        "with the C that its plan was made with.",
+        "s/rad",
+        0.0,
+        1e6,
+    ),
     Parameter(
         "lease",
         0.05,
@@ -108,6 +127,8 @@ class InhibitorNode(ManagedNode):
         """Load the robot."""
         self._robot = load_robot(resolve_path(parameters["robot_description"]))
         self._max_time_limit: float = parameters["max_time_limit"]
+        self._request_max_age: float = parameters["request_max_age"]
+        self._threshold: float = parameters["threshold"]
         self._lease = _duration(parameters["lease"])
         model = self._robot.model
         self._inhibition = Inhibition(
@@ -125,6 +146,8 @@ class InhibitorNode(ManagedNode):
 
     def activate(self) -> None:
         """Listen to joint states and offer the services."""
+        self._latency = LatencyHistogram()
+        self._latency_bound = list(self._latency.bounds)
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         self._override = self.create_publisher(CurrentOverride, "current_override", newest)
         self._status = self.create_publisher(InhibitionStatus, "inhibition_status", 10)
@@ -150,36 +173,41 @@ class InhibitorNode(ManagedNode):
         self.destroy_publisher(self._status)
 
     def _on_joint_state(self, message: JointState) -> None:
+        now = self.monotonic()
         self._states += 1
-        if not self._inhibition.armed:
-            return
+        inhibition = self._inhibition
         try:
-            joints = self._reader.read(message, self.monotonic())
-        except InvalidRequest as error:
+            joints = self._reader.read(message, now - max(self._age(message), 0.0))
+            if not inhibition.armed:
+                inhibition.see(joints.time)
+                return
+            decision = inhibition.decide(joints, now)
+        except PlannerError as error:
             self._rejected.count(error)
+            was_armed = inhibition.armed
+            inhibition.reject(now)
+            if was_armed and not inhibition.armed:
+                self._publish_end()
             return
-        decision = self._inhibition.decide(joints)
         muscles = self._robot.model.muscle_names
         inhibited = [muscles[index] for index in np.flatnonzero(decision.inhibited)]
         self._override.publish(
             CurrentOverride(header=message.header, name=inhibited, lease=self._lease)
         )
-        self._status.publish(
-            InhibitionStatus(
-                header=message.header,
-                armed=self._inhibition.armed,
-                reason=int(decision.reason),
-                reason_text=_REASON_TEXTS[decision.reason],
-                threshold=self._inhibition.threshold,
-                name=muscles,
-                speed_index=decision.speed_index.tolist(),
-                inhibited=inhibited,
-                direction_from_goal=decision.direction_from_goal,
-                decisions=self._inhibition.decisions,
-            )
-        )
-        if not self._inhibition.armed:
+        self._latency.add(self._age(message))
+        self._status.publish(self._status_message(message.header, decision, inhibited))
+        if not inhibition.armed:
             self._report_end()
+
+    def _age(self, message: JointState) -> float:
+        """Return how old a joint state is by its stamp [s]; negative if a clock jumped.
+
+        Its receipt alone would make states fresh that waited while this process stood still, and
+        EventsExecutor of rclpy 7.1 ends the process when a callback asks for the time of receipt.
+        """
+        stamp = message.header.stamp
+        made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        return float(self.get_clock().now().nanoseconds - made_ns) * 1e-9
 
     def _on_watch(self) -> None:
         if not self._inhibition.armed:
@@ -200,21 +228,40 @@ class InhibitorNode(ManagedNode):
         self._report_end()
 
     def _resting_status(self, header: Header) -> InhibitionStatus:
-        reason = self._inhibition.reason
-        muscles = self._robot.model.muscle_names
+        unknown = np.full(len(self._robot.model.muscle_names), np.nan)
+        nothing = np.zeros(unknown.size, dtype=bool)
+        decision = Decision(nothing, unknown, False, self._inhibition.reason)
+        return self._status_message(header, decision, [])
+
+    def _status_message(
+        self, header: Header, decision: Decision, inhibited: list[str]
+    ) -> InhibitionStatus:
+        inhibition, latency = self._inhibition, self._latency
         return InhibitionStatus(
             header=header,
-            armed=self._inhibition.armed,
-            reason=int(reason),
-            reason_text=_REASON_TEXTS[reason],
-            threshold=self._inhibition.threshold,
-            name=muscles,
-            speed_index=[np.nan] * len(muscles),
-            decisions=self._inhibition.decisions,
+            armed=inhibition.armed,
+            reason=int(decision.reason),
+            reason_text=self._reason_text(decision.reason),
+            threshold=inhibition.threshold,
+            name=self._robot.model.muscle_names,
+            speed_index=decision.speed_index.tolist(),
+            inhibited=inhibited,
+            direction_from_goal=decision.direction_from_goal,
+            decisions=inhibition.decisions,
+            rejected=inhibition.rejected,
+            latency_bound=self._latency_bound,
+            latency_count=latency.counts,
+            latency_max=latency.longest,
         )
 
+    def _reason_text(self, reason: Reason) -> str:
+        text = _REASON_TEXTS[reason]
+        if reason is Reason.STALE_STATE and self._inhibition.rejected:
+            text += f", {self._inhibition.rejected} rejected: {self._rejected.last}"
+        return text
+
     def _report_end(self) -> None:
-        self._last_end = _REASON_TEXTS[self._inhibition.reason]
+        self._last_end = self._reason_text(self._inhibition.reason)
         self.get_logger().info(
             f"disarmed after {self._inhibition.decisions} decisions: {self._last_end}"
         )
@@ -230,11 +277,11 @@ class InhibitorNode(ManagedNode):
             return response
         try:
             arming = self._arming(request)
+            self._inhibition.arm(arming)
         except PlannerError as error:
             response.error_code = error_code(error)
             response.error_string = str(error)
             return response
-        self._inhibition.arm(arming)
         self._status.publish(self._resting_status(Header(stamp=self.get_clock().now().to_msg())))
         self.get_logger().info(f"armed for at most {arming.time_limit:g} s")
         response.error_code = ErrorCode.SUCCESS
@@ -243,6 +290,12 @@ class InhibitorNode(ManagedNode):
 
     def _arming(self, request: ArmInhibitor.Request) -> Arming:
         model = self._robot.model
+        check_request_stamp(
+            "arming request",
+            request.stamp.sec * 1_000_000_000 + request.stamp.nanosec,
+            self.get_clock().now().nanoseconds,
+            self._request_max_age,
+        )
         time_limit = request.time_limit.sec + request.time_limit.nanosec * 1e-9
         if not 0.0 < time_limit <= self._max_time_limit:
             raise InvalidLimit(
@@ -253,11 +306,15 @@ class InhibitorNode(ManagedNode):
         protected[unique_known("muscle", request.kept_muscle, model.muscle_names)] = True
         return Arming(
             goal=posture("goal_position", model, request.joint_name, request.goal_position),
-            threshold=checked_threshold(request.threshold),
+            threshold=self._asked_threshold(request.threshold),
             protected=protected,
             time_limit=time_limit,
             start_time=self.monotonic(),
         )
+
+    def _asked_threshold(self, value: float) -> float:
+        # Zero is the paper's C, so it cannot mean "not given".
+        return self._threshold if math.isnan(value) else checked_threshold(value)
 
     def _on_disarm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = True
@@ -271,6 +328,7 @@ class InhibitorNode(ManagedNode):
         if self.is_active:
             values["armed"] = self._inhibition.armed
             values["decisions"] = self._inhibition.decisions
+            values |= self._latency.report()
         values |= self._rejected.counts
         if self._rejected.last:
             return DiagnosticStatus.WARN, f"rejected: {self._rejected.last}", values

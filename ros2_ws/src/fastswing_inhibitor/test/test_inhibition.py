@@ -3,12 +3,14 @@
 import dataclasses
 
 import numpy as np
+import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from fastswing_inhibitor.inhibition import Arming, Decision, Inhibition, InhibitionSettings, Reason
 from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.errors import NotReady, StaleState
 from fastswing_planner.muscle_model import Payload
 from fastswing_planner.swing_execution import JointMeasurement
 
@@ -66,6 +68,7 @@ def armed(
     time_limit: float = 3.0,
 ) -> Inhibition:
     inhibition = disarmed()
+    inhibition.see(START)
     inhibition.arm(arming(goal, threshold, protected, time_limit))
     return inhibition
 
@@ -207,6 +210,59 @@ def test_arming_again_begins_afresh() -> None:
     decision = inhibition.decide(joints(0.025, (1.0, 0.0), (-1.0, 0.0)))
     assert decision.reason is Reason.NONE
     assert decision.inhibited.tolist() == [False, True, False, False]
+
+
+def test_without_any_joint_state_nothing_is_armed() -> None:
+    inhibition = disarmed()
+    with pytest.raises(NotReady, match=r"^no joint state yet: is the bridge active\?$"):
+        inhibition.arm(arming())
+    assert not inhibition.armed
+
+
+def test_without_fresh_joint_states_nothing_is_armed() -> None:
+    inhibition = disarmed()
+    inhibition.see(START - 0.31)
+    with pytest.raises(StaleState) as caught:
+        inhibition.arm(arming())
+    assert str(caught.value) == (
+        "the last joint state is 0.310 s old, at most 0.05 s: is the bridge active?"
+    )
+    assert not inhibition.armed
+
+
+# Joint states that cannot be used.
+
+
+def test_an_old_joint_state_is_not_decided_on() -> None:
+    inhibition = armed()
+    with pytest.raises(StaleState, match=r"^a joint state is 0\.060 s old, at most 0\.05 s$"):
+        inhibition.decide(joints(-0.03, (0.0, 0.0)), START + 0.03)
+    assert inhibition.armed
+    assert inhibition.decisions == 0
+
+
+def test_rejected_joint_states_are_counted_from_the_arming() -> None:
+    inhibition = armed()
+    inhibition.reject(START + PERIOD)
+    inhibition.reject(START + 2 * PERIOD)
+    assert inhibition.rejected == 2
+    inhibition.arm(arming())
+    assert inhibition.rejected == 0
+
+
+def test_rejected_joint_states_do_not_keep_a_swing_alive() -> None:
+    inhibition = armed()
+    inhibition.reject(START + 0.04)
+    assert inhibition.armed
+    inhibition.reject(START + 0.06)
+    assert inhibition.reason is Reason.STALE_STATE
+
+
+def test_a_joint_state_lets_the_silence_count_from_when_it_was_measured() -> None:
+    inhibition = armed()
+    inhibition.decide(joints(0.0, (0.0, 0.0)), START + 0.04)
+    inhibition.watch(START + 0.06)
+    assert inhibition.reason is Reason.STALE_STATE
 
 
 # The end.

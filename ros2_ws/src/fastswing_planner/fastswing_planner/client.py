@@ -81,7 +81,8 @@ class PlannerClient:
         """Return the plan of one swing.
 
         start, end  [rad] by joint name
-        options     other fields of SwingRequest, such as payload or search
+        options     other fields of SwingRequest, such as payload or search; without a time_limit
+                    the planner's parameter search_time_limit holds
 
         Raises the planner's own errors: an InvalidRequest, HoldingInfeasible, SwingBlocked, ...
         (see `errors`), and PlannerUnavailable if none answers in time.

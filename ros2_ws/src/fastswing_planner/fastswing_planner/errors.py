@@ -79,10 +79,22 @@ class UnknownMethod(InvalidRequest):
     code_name = "UNKNOWN_METHOD"
 
 
+class StaleRequest(InvalidRequest):
+    """A request that was on its way for too long, or does not say when it was made."""
+
+    code_name = "STALE_REQUEST"
+
+
 class NotReady(PlannerError):
     """Something that is needed is missing."""
 
     code_name = "NOT_READY"
+
+
+class StaleState(PlannerError):
+    """The measurements stopped, or are too old."""
+
+    code_name = "STALE_STATE"
 
 
 class RobotDescriptionError(NotReady):

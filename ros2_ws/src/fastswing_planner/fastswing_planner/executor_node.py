@@ -11,13 +11,16 @@ from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.action import ExecuteSwing
-from fastswing_msgs.msg import ErrorCode, InhibitionStatus, MuscleState
+from fastswing_msgs.msg import InhibitionStatus, LengthCommand, MuscleState
+from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
+from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.state_conversion import (
@@ -41,6 +44,7 @@ def _setting(name: str, unit: str, low: float, high: float, description: str) ->
 
 TABLE = (
     ROBOT_DESCRIPTION,
+    REQUEST_MAX_AGE,
     Parameter("rate", 100.0, "How often orders are given.", "Hz", 10.0, 1000.0),
     Parameter(
         "service_timeout", 2.0, "Longest wait for the planner and the inhibitor.", "s", 0.1, 60.0
@@ -63,10 +67,51 @@ TABLE = (
         0.5,
         "The swing has arrived this near to the end posture.",
     ),
-    _setting("phase_limit", "s", 0.5, 60.0, "Longest wait of a phase beyond its planned duration."),
-    _setting("swing_limit", "s", 0.2, 10.0, "Longest swing."),
+    _setting(
+        "raise_limit",
+        "s",
+        0.5,
+        300.0,
+        "Longest way to the start posture; a longer one is refused before anything moves.",
+    ),
+    _setting(
+        "elongate_limit",
+        "s",
+        0.2,
+        60.0,
+        "Longest time of paying out; a longer one is refused before anything moves.",
+    ),
+    _setting(
+        "settle_limit",
+        "s",
+        0.5,
+        60.0,
+        "Longest wait for the arm to rest before the raise, and for rest at the start posture and "
+        "the inhibitor before the swing.",
+    ),
+    _setting(
+        "swing_limit",
+        "s",
+        0.2,
+        10.0,
+        "Longest swing. The inhibitor is armed for 0.5 s more, so keep this 0.5 s below its "
+        "max_time_limit.",
+    ),
     _setting("recover_time", "s", 0.1, 10.0, "How long the end is held before the swing is done."),
-    _setting("state_timeout", "s", 0.02, 2.0, "Older measurements stop the swing."),
+    _setting(
+        "recover_limit",
+        "s",
+        0.2,
+        60.0,
+        "Longest wait for rest at the end posture, recover_time included.",
+    ),
+    _setting(
+        "state_timeout",
+        "s",
+        0.02,
+        2.0,
+        "Older measurements, or a longer stall of this node, stop the swing.",
+    ),
 )
 
 
@@ -78,6 +123,7 @@ class ExecutorNode(ManagedNode):
         super().__init__("swing_executor", TABLE)
         self._rejected = RejectionCounter()
         self._goal: SwingGoal | None = None
+        self._next: SwingGoal | None = None
         self._outcomes: dict[str, int] = {}
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
@@ -87,11 +133,13 @@ class ExecutorNode(ManagedNode):
             **{name: parameters[name] for name in vars(_DEFAULTS)}
         )
         self._service_timeout: float = parameters["service_timeout"]
+        self._request_max_age: float = parameters["request_max_age"]
         self._period = 1.0 / parameters["rate"]
         self._joint_reader = JointStateReader(self._robot.model.joint_names)
         self._muscle_reader = MuscleStateReader(self._robot.model.muscle_names)
         self._joints: JointMeasurement | None = None
         self._muscles: MuscleMeasurement | None = None
+        self._links = ExecutorLinks(self)
         # Not in `activate`: a goal that ends with a deactivation still has to get its result.
         self._server = ActionServer(
             self,
@@ -104,16 +152,18 @@ class ExecutorNode(ManagedNode):
         )
 
     def cleanup(self) -> None:
-        """Withdraw the action."""
+        """Withdraw the action, and disconnect."""
         self._server.destroy()
+        self._links.destroy()
 
     def activate(self) -> None:
         """Connect to bridge, planner and inhibitor."""
-        self._links = ExecutorLinks(self)
-        robot = self._robot
+        self._links.open()
+        robot, settings = self._robot, self._execution_settings
+        self._rest = RestWatch(settings.rest_speed, settings.rest_time)
         planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
         self._around = SwingSurroundings(
-            robot, planner.hold, self._execution_settings, self._service_timeout, self._links
+            robot, planner.hold, self._rest, settings, self._service_timeout, self._links
         )
         self._subscriptions_made = [
             self.create_subscription(
@@ -125,17 +175,22 @@ class ExecutorNode(ManagedNode):
             self.create_subscription(
                 InhibitionStatus, "inhibition_status", self.guarded(self._on_inhibition), 10
             ),
+            self.create_subscription(
+                LengthCommand, "length_command", self.guarded(self._on_length_command), 10
+            ),
         ]
         self._timer = self.create_steady_timer(self._period, self._on_timer)
 
     def deactivate(self) -> None:
-        """Stop a running swing where it is, and disconnect."""
-        if self._goal is not None:
-            self._end(self._goal, SwingAborted("CANCELED", "the node was deactivated"))
+        """Stop a running swing where it is; the requests that do so are still answered."""
         self.destroy_timer(self._timer)
         for subscription in self._subscriptions_made:
             self.destroy_subscription(subscription)
-        self._links.destroy()
+        ended, self._goal, self._next = (self._goal, self._next), None, None
+        for goal in filter(None, ended):
+            goal.stop(SwingAborted("CANCELED", "the node was deactivated"), self.monotonic())
+            self._write_result(goal)
+        self._links.close()
 
     # Measurements.
 
@@ -145,6 +200,7 @@ class ExecutorNode(ManagedNode):
         except InvalidRequest as error:
             self._rejected.count(error)
             return
+        self._rest.add(self._joints.time, self._joints.velocity)
         if self._goal is not None:
             self._goal.add_joints(self._joints)
 
@@ -163,44 +219,101 @@ class ExecutorNode(ManagedNode):
         if message.reason != InhibitionStatus.REASON_GOAL_REACHED:
             self._goal.inhibitor_lost(message.reason_text)
 
+    def _on_length_command(self, message: LengthCommand) -> None:
+        if self._goal is not None and not self._links.is_own(message):
+            self._goal.interrupted("somebody else publishes length_command")
+
     # The action.
 
     def _admit(self, _goal: ExecuteSwing.Goal) -> GoalResponse:
         return GoalResponse.ACCEPT if self.is_active else GoalResponse.REJECT
 
     async def _execute(self, handle: ServerGoalHandle) -> ExecuteSwing.Result:
-        if self._goal is not None or not self.is_active:
+        try:
+            goal = self._take(handle)
+        except PlannerError as error:
+            self.get_logger().warning(f"swing refused: {error}")
+            self._count(error)
             handle.abort()
-            text = "another swing runs: wait for its result or cancel it"
-            return ExecuteSwing.Result(error_code=ErrorCode.BUSY, error_string=text)
-        self._goal = SwingGoal(handle, self._around, self.monotonic())
-        result: ExecuteSwing.Result = await self._goal.finished
+            return ExecuteSwing.Result(error_code=error_code(error), error_string=str(error))
+        result: ExecuteSwing.Result = await goal.finished
         return result
 
+    def _take(self, handle: ServerGoalHandle) -> SwingGoal:
+        """Begin a goal, or let it wait for the end of the one that it preempts."""
+        stamp = handle.request.stamp
+        check_request_stamp(
+            "goal",
+            stamp.sec * 1_000_000_000 + stamp.nanosec,
+            self.get_clock().now().nanoseconds,
+            self._request_max_age,
+        )
+        if not self.is_active:
+            raise SwingAborted("NOT_READY", "the swing executor is not active")
+        if self._goal is not None and not handle.request.preempt:
+            raise SwingAborted(
+                "BUSY", "another swing runs: wait for its result, cancel it, or set preempt"
+            )
+        goal, now = SwingGoal(handle, self._around), self.monotonic()
+        if self._goal is None:
+            self._goal = goal
+            goal.begin(now)
+            return goal
+        preempted = SwingAborted("PREEMPTED", "another goal took its place; the arm was held")
+        if not self._goal.stopping:
+            self._goal.stop(preempted, now)
+        if self._next is not None:
+            self._next.stop(preempted, now)
+            self._write_result(self._next)
+        self._next = goal
+        return goal
+
     def _on_timer(self) -> None:
-        goal = self._goal
+        self._drop_canceled()
+        goal, now = self._goal, self.monotonic()
         if goal is None:
             return
+        if goal.stopping:
+            if goal.stopped(now):
+                self._finish(goal)
+            return
         try:
-            if goal.step(self.monotonic(), self._joints, self._muscles):
-                self._end(goal, None)
+            if goal.step(now, self._joints, self._muscles):
+                self._finish(goal)
         except PlannerError as error:
-            self._end(goal, error)
+            goal.stop(error, now)
         except Exception:
-            self._end(goal, SwingAborted("INTERNAL", "defect in the executor, see its log"))
+            goal.stop(SwingAborted("INTERNAL", "defect in the executor, see its log"), now)
             raise
 
-    def _end(self, goal: SwingGoal, error: PlannerError | None) -> None:
-        self._goal = None
-        goal.end(error)
+    def _drop_canceled(self) -> None:
+        waiting = self._next
+        if waiting is not None and waiting.canceled:
+            self._next = None
+            waiting.stop(SwingAborted("CANCELED", "canceled before it began"), self.monotonic())
+            self._write_result(waiting)
+
+    def _finish(self, goal: SwingGoal) -> None:
+        self._goal, self._next = self._next, None
+        if self._goal is not None:
+            self._goal.begin(self.monotonic())
+        self._write_result(goal)
+
+    def _write_result(self, goal: SwingGoal) -> None:
+        self._count(goal.error)
+        if goal.error is not None:
+            self.get_logger().warning(f"swing ended: {goal.error}")
+        goal.finish()
+
+    def _count(self, error: PlannerError | None) -> None:
         outcome = "success" if error is None else error.code_name.lower()
         self._outcomes[outcome] = self._outcomes.get(outcome, 0) + 1
-        if error is not None:
-            self.get_logger().warning(f"swing ended: {error}")
 
     def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
         """Report the phase, outcomes and rejections."""
         phase = "idle" if self._goal is None else self._goal.phase.name.lower()
+        if self._goal is not None and self._goal.stopping:
+            phase = "stopping"
         values: dict[str, object] = {"phase": phase}
         values |= {f"ended_{name}": count for name, count in self._outcomes.items()}
         values |= self._rejected.counts

@@ -55,6 +55,11 @@ class JointCoupling:
         self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
         self._chosen_rates.setflags(write=False)
 
+    @property
+    def followers(self) -> frozenset[int]:
+        """Indices of the joints that follow another or are locked."""
+        return frozenset(follower.joint for follower in self._followers)
+
     def set_positions(self, data: mujoco.MjData, joint_position: Vector) -> Matrix:
         """Write qpos of all joints, and return d qvel / d joint velocity, shape (nv, n).
 

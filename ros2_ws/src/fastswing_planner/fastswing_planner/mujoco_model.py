@@ -10,6 +10,7 @@ from fastswing_planner.arrays import Matrix, Vector, frozen, unique_known
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.mjcf_names import (
+    SINGLE_AXIS,
     joint_indices,
     object_names,
     reference_position,
@@ -33,8 +34,8 @@ class MujocoMuscleModel:
     """Kinematics and statics of chosen joints and tendons of a MuJoCo model.
 
     Implements MuscleModel. Joints that an equality constraint ties to a chosen joint follow it;
-    all others stay where `keyframe` has them, or at zero. Actuators, contacts and other tendons'
-    pull are ignored; springs and gravity compensation count in `gravity_torque`.
+    all others stay where `keyframe` has them, or at zero. Actuators and contacts are ignored;
+    springs of joints and tendons and gravity compensation count in `gravity_torque`.
 
     body_names  names of the bodies that can carry a payload
     """
@@ -70,6 +71,24 @@ class MujocoMuscleModel:
         for posture in postures:
             refuse_restrained_joints(model, self._coupling, posture)
         self._refuse_useless_muscles_and_joints(postures)
+
+    def full_position(self, joint_position: Vector) -> Vector:
+        """Return MuJoCo's `qpos` of a posture: all joints of the MJCF, shape (nq,)."""
+        self._coupling.set_positions(self._data, joint_position)
+        return frozen(self._data.qpos)
+
+    def held_joints(self) -> dict[str, float]:
+        """Return the hinge and slide joints that are left out, and where they stay [rad, m]."""
+        qpos = self.full_position(np.zeros(len(self.joint_names)))
+        names = object_names(self._model, mujoco.mjtObj.mjOBJ_JOINT, self._model.njnt)
+        return {
+            name: float(qpos[self._model.jnt_qposadr[joint]])
+            for joint, name in enumerate(names)
+            if int(self._model.jnt_type[joint]) in SINGLE_AXIS
+            and name
+            and name not in self.joint_names
+            and joint not in self._coupling.followers
+        }
 
     def _update(self, joint_position: Vector) -> Matrix:
         """Compute positions; return d qvel / d joint velocity, shape (nv, n)."""

@@ -51,7 +51,7 @@ class SwingPlan:
     trajectory       the predicted swing
     time_cost_basic  [s] of the swing with all muscles kept
     trials           the masks tried, in order
-    proven           no other set of elongated antagonists is better
+    proven           no other set of elongated antagonists is better; False if none was searched
     warnings         what a user should know before executing it
     """
 
@@ -178,7 +178,7 @@ class SwingPlanner:
             time_cost_basic=search.basic.trajectory.time_cost,
             epsilon=task.settings.epsilon,
             trials=search.trials,
-            proven=search.proven,
+            proven=search.proven and task.method.elongates,
             warnings=(),
         )
         return replace(plan, warnings=_warnings(plan, task.limits, search.cut))

@@ -61,12 +61,6 @@ def request_from_message(
     Raises UnknownMethod, NotFinite or InvalidLimit.
     """
     options: SwingOptions = request.options
-    position = options.payload_position
-    payload = Payload(
-        options.payload_mass,
-        options.payload_body or payload_body,
-        (position.x, position.y, position.z),
-    )
     return SwingRequest(
         start=request.start_position,
         end=request.end_position,
@@ -82,7 +76,7 @@ def request_from_message(
             options.holding_weight,
         ),
         threshold=options.threshold,
-        payload=payload if options.payload_mass != 0.0 else None,
+        payload=payload_from_options(options, payload_body),
         settings=SwingSettings(
             time_step=options.time_step or settings.time_step,
             epsilon=options.epsilon or settings.epsilon,
@@ -92,6 +86,18 @@ def request_from_message(
         search=choice_from(Search, "search", options.search),
         time_limit=options.search_time_limit or time_limit,
     )
+
+
+def payload_from_options(options: SwingOptions, payload_body: str) -> Payload | None:
+    """Return the payload of a request; None without mass.
+
+    payload_body  used where the request names none
+    """
+    if options.payload_mass == 0.0:
+        return None
+    at = options.payload_position
+    body = options.payload_body or payload_body
+    return Payload(options.payload_mass, body, (at.x, at.y, at.z))
 
 
 def request_to_message(request: SwingRequest, compare: bool) -> PlanSwing.Request:

@@ -45,12 +45,18 @@ def plan_text(plan: SwingPlan, comparison: Sequence[Outcome]) -> str:
                 for trial in plan.trials
             ],
         ),
-        "No other set of antagonists is better."
-        if plan.proven
-        else "Not every set of antagonists was tried.",
+        *_proof(plan),
         *(f"Warning: {text}" for text in plan.warnings),
     ]
     return "\n\n".join(parts)
+
+
+def _proof(plan: SwingPlan) -> list[str]:
+    if not plan.method.elongates:
+        return []
+    if plan.proven:
+        return ["No other set of antagonists is better."]
+    return ["Not every set of antagonists was tried: --search exhaustive does."]
 
 
 def plan_record(plan: SwingPlan) -> dict[str, Any]:

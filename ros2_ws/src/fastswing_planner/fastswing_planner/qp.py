@@ -44,7 +44,9 @@ class QpUnsolved(SolverFailed):
     """
 
     def __init__(self, status: str, problem: QuadraticProgram, undecided: bool) -> None:
-        super().__init__(f"the QP of {problem.c.size} variables was not solved: {status}")
+        super().__init__(
+            f"the QP of {problem.c.size} variables was not solved: {status}; try the other solver"
+        )
         self.problem = problem
         self.undecided = undecided
 

@@ -278,10 +278,11 @@ def _checked_weight(
     size = float(np.abs(weight).max()) or 1.0
     weight = weight / size
     if not np.allclose(weight, weight.T, rtol=0.0, atol=1e-9):
-        row, column = np.unravel_index(np.argmax(np.abs(weight - weight.T)), weight.shape)
+        row, column = map(int, np.unravel_index(np.argmax(np.abs(weight - weight.T)), weight.shape))
+        one, other = valid[row], valid[column]
         raise InvalidWeight(
-            f"{what} is not symmetric: {weight[row, column] * size:g} in row {row + 1}, column "
-            f"{column + 1}, but {weight[column, row] * size:g} in the mirrored place"
+            f"{what} is not symmetric: {weight[row, column] * size:g} for {one} with {other}, "
+            f"but {weight[column, row] * size:g} for {other} with {one}"
         )
     eigenvalues = np.linalg.eigvalsh(weight)
     if not eigenvalues[0] > _WORST_WEIGHT * eigenvalues[-1] >= 0.0:

@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from fastswing_planner.arrays import Vector, finite_vector, unique_known
+from fastswing_planner.board_groups import BoardGroup, board_groups
 from fastswing_planner.errors import InvalidRequest, RobotDescriptionError
 from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
@@ -27,7 +28,7 @@ _REQUIRED = (
     "payload_body",
     "postures",
 )
-_OPTIONAL = ("keyframe", "plant")
+_OPTIONAL = ("keyframe", "plant", "board_groups")
 _LIMITS = ("velocity_limit", "acceleration_limit", "tension_min", "tension_max")
 _ROUNDING = 1e-6  # [rad] of an angle or range written with few digits
 
@@ -45,6 +46,7 @@ class Robot:
     payload_body    the body that carries a payload unless a request names another
     postures        named postures [rad], each shape (n,)
     plant           physical constants of the mock arm; not used on a robot
+    board_groups    which boards share a bus; one group unless the description says otherwise
     """
 
     path: Path
@@ -57,13 +59,14 @@ class Robot:
     payload_body: str
     postures: Mapping[str, Vector]
     plant: Mapping[str, Any]
+    board_groups: tuple[BoardGroup, ...]
 
 
 def load_robot(path: Path) -> Robot:
     """Read a robot's YAML file and the MJCF beside it.
 
-    Two keys are optional: `keyframe`, the MJCF's keyframe that holds the joints left out (without
-    it they are at zero), and `plant`.
+    Three keys are optional: `keyframe`, the MJCF's keyframe that holds the joints left out (without
+    it they are at zero), `plant`, and `board_groups`.
 
     Raises RobotDescriptionError naming file, key, value and remedy.
     """
@@ -123,6 +126,7 @@ def _build(path: Path, content: dict[str, Any]) -> Robot:
         payload_body=_body(_text(content, "payload_body"), model),
         postures=_postures(content["postures"], model),
         plant=plant,
+        board_groups=board_groups(content.get("board_groups"), muscles, joints),
     )
 
 

@@ -7,7 +7,7 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.errors import InvalidRequest, NotFinite, UnknownName, WrongLength
+from fastswing_planner.errors import NotFinite, PlannerError, UnknownName, WrongLength
 from fastswing_planner.swing_execution import JointMeasurement, MuscleMeasurement
 
 
@@ -74,13 +74,16 @@ class MuscleStateReader:
         for what, values in (("fault", message.fault), ("mode", message.mode)):
             if len(values) != len(names):
                 raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
+        zero_current, length = MuscleState.MODE_ZERO_CURRENT, MuscleState.MODE_LENGTH
         return MuscleMeasurement(
             time,
             self._columns.pick("length", names, message.length),
             self._columns.pick("velocity", names, message.velocity),
             self._columns.pick("tension", names, message.tension),
             self._chosen(names, [bool(fault) for fault in message.fault]),
-            self._chosen(names, [mode == MuscleState.MODE_ZERO_CURRENT for mode in message.mode]),
+            self._chosen(names, [mode == zero_current for mode in message.mode]),
+            self._chosen(names, [mode not in (zero_current, length) for mode in message.mode]),
+            message.holds,
         )
 
     @staticmethod
@@ -96,7 +99,7 @@ class RejectionCounter:
         self.counts: dict[str, int] = {}
         self.last = ""
 
-    def count(self, error: InvalidRequest) -> None:
+    def count(self, error: PlannerError) -> None:
         """Count one rejection."""
         key = f"rejected_{error.code_name.lower()}"
         self.counts[key] = self.counts.get(key, 0) + 1

@@ -21,8 +21,8 @@ _STUCK_PROGRESS = 1e-8  # [rad] over _STUCK_STEPS
 
 
 SETTING_RANGES = {
-    "time_step": (1e-4, 1.0, "s"),
-    "epsilon": (1e-5, 1.0, "rad"),
+    "time_step": (1e-3, 1.0, "s"),
+    "epsilon": (1e-4, 1.0, "rad"),
     "max_steps": (1, 100_000, ""),
 }
 """Lowest and highest value of each of the SwingSettings, and its unit."""

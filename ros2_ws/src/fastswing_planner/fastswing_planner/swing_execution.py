@@ -12,12 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.errors import SwingAborted
+from fastswing_planner.errors import InvalidLimit, SwingAborted
 from fastswing_planner.figures import SwingFigures, SwingMeasurement
 from fastswing_planner.holding import Holding
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.posture import PosturePath, encoder_lengths, posture_path, smooth_fraction
 from fastswing_planner.request import Method
+from fastswing_planner.rest import RestWatch
 
 
 class Phase(IntEnum):
@@ -32,6 +33,7 @@ class Phase(IntEnum):
 
 
 _SWING = Phase.SWING  # looking a member up in its enumeration takes half a microsecond
+_ARMED_LONGER_SEC = 0.5
 
 
 @dataclass(frozen=True)
@@ -44,10 +46,13 @@ class ExecutionSettings:
     rest_speed       [rad/s] the arm rests below it
     rest_time        [s] for which it must rest
     arrival_tolerance [rad] norm of the distance to the end posture that counts as arrived
-    phase_limit      [s] longest time of a phase beyond its planned duration
+    raise_limit      [s] longest way to the start posture, with coming near to it
+    elongate_limit   [s] longest time of paying out
+    settle_limit     [s] longest wait for rest at the start posture and for the inhibitor
     swing_limit      [s] longest swing
     recover_time     [s] the end posture is held before the swing is done
-    state_timeout    [s] older measurements stop the swing
+    recover_limit    [s] longest wait for rest at the end posture, recover_time included
+    state_timeout    [s] older measurements, or a longer stall of the executor, stop the swing
     """
 
     raise_speed: float = 0.8
@@ -56,10 +61,30 @@ class ExecutionSettings:
     rest_speed: float = 0.15
     rest_time: float = 0.2
     arrival_tolerance: float = 0.1
-    phase_limit: float = 5.0
+    raise_limit: float = 15.0
+    elongate_limit: float = 5.0
+    settle_limit: float = 5.0
     swing_limit: float = 3.0
     recover_time: float = 0.5
+    recover_limit: float = 5.0
     state_timeout: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Raise InvalidLimit for a limit within which its phase cannot end."""
+        for limit, time in (("settle_limit", "rest_time"), ("recover_limit", "recover_time")):
+            if getattr(self, limit) <= getattr(self, time):
+                raise InvalidLimit(
+                    f"{limit} is {getattr(self, limit):g} s, must be above {time}, "
+                    f"{getattr(self, time):g} s"
+                )
+
+    @property
+    def arming_limit(self) -> float:
+        """Time [s] for which the inhibitor is armed: longer than the swing may take.
+
+        So a swing that takes too long always ends by its own limit, never by the inhibitor's.
+        """
+        return self.swing_limit + _ARMED_LONGER_SEC
 
 
 @dataclass(frozen=True)
@@ -104,6 +129,8 @@ class MuscleMeasurement(NamedTuple):
     tension           [N]
     faulty            names of muscles with a latched fault
     limp              names of muscles at zero current
+    driven            names of muscles that follow a tension or a current
+    holds             how often the bridge was told to hold the arm
     """
 
     time: float
@@ -112,6 +139,35 @@ class MuscleMeasurement(NamedTuple):
     tension: Vector
     faulty: tuple[str, ...] = ()
     limp: tuple[str, ...] = ()
+    driven: tuple[str, ...] = ()
+    holds: int = 0
+
+
+def refuse_muscles(muscles: MuscleMeasurement, holds: int, inhibiting: bool = False) -> None:
+    """Raise SwingAborted if muscles do not do what length commands tell them.
+
+    holds       of the measurement when the swing was asked for
+    inhibiting  some muscles may be at zero current
+    """
+    if muscles.faulty:
+        raise SwingAborted(
+            "FAULT_LATCHED",
+            f"faulty muscles: {', '.join(muscles.faulty)}; find the cause, then clear_faults",
+        )
+    # Only Method 1 lets muscles go, and never all of them.
+    if muscles.limp and not (inhibiting and len(muscles.limp) < muscles.length.size):
+        raise SwingAborted(
+            "FAULT_LATCHED",
+            f"muscles at zero current: {', '.join(muscles.limp)}; an emergency stop or "
+            "somebody's current_override holds them",
+        )
+    if muscles.holds != holds:
+        raise SwingAborted("INTERRUPTED", "somebody held the arm, by hold_posture or clear_faults")
+    if muscles.driven:
+        raise SwingAborted(
+            "INTERRUPTED",
+            f"muscles that follow somebody's tension or current: {', '.join(muscles.driven)}",
+        )
 
 
 class SwingExecution:
@@ -126,20 +182,32 @@ class SwingExecution:
         settings: ExecutionSettings,
         joints: JointMeasurement,
         muscles: MuscleMeasurement,
+        holds: int | None = None,
     ) -> None:
         """Plan the way to the start posture from where the arm is.
 
+        holds  of the muscle measurement when the swing was asked for; None: those of `muscles`
+
         Raises HoldingInfeasible if a posture on the way cannot be held, SwingAborted if a muscle
-        is faulty.
+        is faulty, at zero current or driven by somebody else, if the arm was held by somebody
+        since, or if a phase would take longer than its limit.
         """
         self._swing = swing
         self._settings = settings
         self._joints = joints
         self._muscles = muscles
-        self._refuse_faults(muscles)
         self._phase = Phase.RAISE
         self._phase_start = joints.time
-        self._rest_since: float | None = None
+        self._last_step: float | None = None
+        self._rest = RestWatch(settings.rest_speed, settings.rest_time)
+        self._holds = muscles.holds if holds is None else holds
+        self._interruption = ""
+        self._inhibition_lost = ""
+        self._armed = False
+        self._arm_asked = False
+        self._over = False
+        self._done = False
+        refuse_muscles(muscles, self._holds)
         self._raise: PosturePath = posture_path(
             model, hold, wire_stiffness, joints.position, swing.start, settings.raise_speed
         )
@@ -148,11 +216,11 @@ class SwingExecution:
             + swing.elongation
         )
         self._end_lengths = encoder_lengths(model, wire_stiffness, swing.end, swing.final_tension)
+        self._change = self._prepared_lengths - self._raise.lengths[-1]
+        # For every method: the tensions of the raised arm move to those of the plan.
+        self._elongate_time = max(float(np.abs(self._change).max()) / settings.elongate_speed, 0.1)
+        self._refuse_long_phases()
         self._measurement: SwingMeasurement | None = None
-        self._armed = False
-        self._arm_asked = False
-        self._inhibition_lost = ""
-        self._done = False
         self._handlers = {
             Phase.RAISE: self._step_raise,
             Phase.ELONGATE: self._step_elongate,
@@ -186,6 +254,10 @@ class SwingExecution:
         """Norm of the distance to the end posture [rad]."""
         return math.dist(self._swing.end, self._joints.position)
 
+    def age(self, now: float) -> float:
+        """Return how old the older of the last two states is at time `now` [s]."""
+        return now - min(self._joints.time, self._muscles.time)
+
     def inhibitor_armed(self) -> None:
         """Take note that the inhibitor is armed."""
         self._armed = True
@@ -196,6 +268,10 @@ class SwingExecution:
         if self._armed and not arrived and self._phase is not Phase.RECOVER:
             self._inhibition_lost = reason
 
+    def interrupted(self, reason: str) -> None:
+        """Take note that somebody else commands the arm; the swing then has to stop."""
+        self._interruption = reason
+
     def add_joints(self, joints: JointMeasurement) -> None:
         """Take a joint state."""
         self._joints = joints
@@ -203,12 +279,7 @@ class SwingExecution:
             self._measurement.add_joints(
                 joints.time, joints.velocity, self.distance_to_end, self._settings.arrival_tolerance
             )
-        # Plain numbers: for a few joints they are faster than numpy. NaN does not rest.
-        slowest = self._settings.rest_speed
-        if not all(abs(speed) <= slowest for speed in joints.velocity.tolist()):
-            self._rest_since = None
-        elif self._rest_since is None:
-            self._rest_since = joints.time
+        self._rest.add(joints.time, joints.velocity)
 
     def add_muscles(self, muscles: MuscleMeasurement) -> None:
         """Take a muscle state."""
@@ -216,77 +287,102 @@ class SwingExecution:
         if self._phase is _SWING and self._measurement is not None:
             self._measurement.add_muscles(muscles.velocity, muscles.tension)
 
-    def holding_orders(self) -> Orders:
-        """Return the orders that end the swing wherever the arm is: hold the measured lengths."""
+    def stop(self) -> Orders:
+        """End the swing wherever the arm is; return the orders that hold the measured lengths."""
+        self._over = True
         return Orders(lengths=self._muscles.length, disarm=True)
 
     def step(self, now: float) -> Orders:
-        """Return what has to be done at time `now` [s].
+        """Return what has to be done at time `now` [s]; nothing once the swing has ended.
 
-        Raises SwingAborted when the swing cannot go on; `holding_orders` then stop the arm.
+        Raises SwingAborted when the swing cannot go on; `stop` then holds the arm.
         """
-        self._refuse_faults(self._muscles)
-        self._refuse_limp(self._muscles)
+        if self._over:
+            return Orders()
+        try:
+            self._refuse_to_go_on(now)
+            return self._handlers[self._phase](now, now - self._phase_start)
+        except SwingAborted:
+            self._over = True
+            raise
+
+    def _refuse_to_go_on(self, now: float) -> None:
+        refuse_muscles(self._muscles, self._holds, self._arm_asked)
+        if self._interruption:
+            raise SwingAborted("INTERRUPTED", self._interruption)
         if self._inhibition_lost:
             raise SwingAborted(
                 "NOT_READY", f"the inhibitor disarmed itself: {self._inhibition_lost}"
             )
-        age = now - min(self._joints.time, self._muscles.time)
+        age = self.age(now)
         if age > self._settings.state_timeout:
             raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")
-        return self._handlers[self._phase](now, now - self._phase_start)
+        if self._last_step is None:
+            self._phase_start = now
+        elif now - self._last_step > self._settings.state_timeout:
+            # Going on would jump to where the arm should be by now.
+            stall = now - self._last_step
+            raise SwingAborted("STALE_STATE", f"the executor did not run for {stall:.2f} s")
+        self._last_step = now
 
-    def _refuse_faults(self, muscles: MuscleMeasurement) -> None:
-        if muscles.faulty:
+    def _refuse_long_phases(self) -> None:
+        settings = self._settings
+        if self._raise.duration > settings.raise_limit:
             raise SwingAborted(
-                "FAULT_LATCHED",
-                f"faulty muscles: {', '.join(muscles.faulty)}; find the cause, then clear_faults",
+                "PHASE_TIMEOUT",
+                f"the way to the start posture would take {self._raise.duration:.1f} s at "
+                f"{settings.raise_speed:g} rad/s, raise_limit is {settings.raise_limit:g} s",
             )
-
-    def _refuse_limp(self, muscles: MuscleMeasurement) -> None:
-        # Only Method 1 lets muscles go, and never all of them.
-        inhibiting = self._arm_asked and len(muscles.limp) < muscles.length.size
-        if muscles.limp and not inhibiting:
+        if self._elongate_time > settings.elongate_limit:
             raise SwingAborted(
-                "FAULT_LATCHED",
-                f"muscles at zero current: {', '.join(muscles.limp)}; an emergency stop or "
-                "somebody's current_override holds them",
+                "PHASE_TIMEOUT",
+                f"paying out would take {self._elongate_time:.1f} s at "
+                f"{settings.elongate_speed:g} m/s, elongate_limit is "
+                f"{settings.elongate_limit:g} s",
             )
 
     def _enter(self, phase: Phase, now: float) -> None:
         self._phase = phase
         self._phase_start = now
 
-    def _resting(self, now: float) -> bool:
-        return self._rest_since is not None and now - self._rest_since >= self._settings.rest_time
+    @property
+    def _distance_to_start(self) -> float:
+        return math.dist(self._swing.start, self._joints.position)
+
+    def _near_end(self) -> bool:
+        return self.distance_to_end < self._settings.arrival_tolerance
 
     def _step_raise(self, now: float, elapsed: float) -> Orders:
         if elapsed >= self._raise.duration:
-            self._enter(Phase.ELONGATE, now)
+            # Paying out is for the start posture: an arm that did not come there stays as it is.
+            if self._distance_to_start < self._settings.start_tolerance:
+                self._enter(Phase.ELONGATE, now)
+            elif elapsed > self._settings.raise_limit:
+                raise self._not_at_start("come")
         return Orders(lengths=self._raise.at(elapsed))
 
     def _step_elongate(self, now: float, elapsed: float) -> Orders:
-        # For every method: the tensions of the raised arm move to those of the plan.
-        raised = self._raise.lengths[-1]
-        change = self._prepared_lengths - raised
-        duration = max(float(np.abs(change).max()) / self._settings.elongate_speed, 0.1)
-        if elapsed >= duration:
+        if elapsed >= self._elongate_time:
             self._enter(Phase.SETTLE, now)
-        return Orders(lengths=frozen(raised + smooth_fraction(elapsed, duration) * change))
+        share = smooth_fraction(elapsed, self._elongate_time)
+        return Orders(lengths=frozen(self._raise.lengths[-1] + share * self._change))
+
+    def _not_at_start(self, verb: str) -> SwingAborted:
+        return SwingAborted(
+            "NOT_AT_START",
+            f"the arm is {self._distance_to_start:.3f} rad from the start posture and must {verb} "
+            f"within {self._settings.start_tolerance:g} rad of it",
+        )
 
     def _step_settle(self, now: float, elapsed: float) -> Orders:
-        distance = math.dist(self._swing.start, self._joints.position)
-        ready = distance < self._settings.start_tolerance and self._resting(now)
+        near = self._distance_to_start < self._settings.start_tolerance
+        ready = near and self._rest.resting(now)
         if ready and (self._armed or not self._swing.method.inhibits):
             return self._start_swing(now)
-        if elapsed > self._settings.phase_limit:
+        if elapsed > self._settings.settle_limit:
             if ready:
                 raise SwingAborted("NOT_READY", "the inhibitor did not confirm that it is armed")
-            raise SwingAborted(
-                "NOT_AT_START",
-                f"the arm is {distance:.3f} rad from the start posture and must rest within "
-                f"{self._settings.start_tolerance:g} rad of it",
-            )
+            raise self._not_at_start("rest")
         if ready and not self._arm_asked:
             self._arm_asked = True
             return Orders(arm=True)
@@ -303,7 +399,15 @@ class SwingExecution:
 
     def _step_swing(self, now: float, elapsed: float) -> Orders:
         arrived = self._measurement is not None and self._measurement.arrived
-        if (arrived and self._resting(now)) or elapsed > self._settings.swing_limit:
+        late = elapsed > self._settings.swing_limit
+        if late and not arrived:
+            raise SwingAborted(
+                "PHASE_TIMEOUT",
+                f"the arm did not come within {self._settings.arrival_tolerance:g} rad of the end "
+                f"posture in {self._settings.swing_limit:g} s; it is {self.distance_to_end:.3f} "
+                "rad away",
+            )
+        if late or (arrived and self._rest.resting(now)):
             self._enter(Phase.RECOVER, now)
             return Orders(lengths=self._end_lengths, disarm=True)
         return Orders()
@@ -311,12 +415,13 @@ class SwingExecution:
     def _step_recover(self, now: float, elapsed: float) -> Orders:
         if elapsed < self._settings.recover_time:
             return Orders()
-        self._done = True
-        if self._measurement is None or not self._measurement.arrived:
+        if self._near_end() and self._rest.resting(now):
+            self._done = self._over = True
+        elif elapsed > self._settings.recover_limit:
             raise SwingAborted(
                 "PHASE_TIMEOUT",
-                f"the arm did not come within {self._settings.arrival_tolerance:g} rad of the end "
-                f"posture in {self._settings.swing_limit:g} s; it is {self.distance_to_end:.3f} "
-                "rad away",
+                f"the arm does not rest within {self._settings.arrival_tolerance:g} rad of the end "
+                f"posture {self._settings.recover_limit:g} s after the swing; it is "
+                f"{self.distance_to_end:.3f} rad away",
             )
         return Orders()

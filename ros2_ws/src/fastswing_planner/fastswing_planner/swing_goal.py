@@ -7,11 +7,10 @@ import numpy as np
 from builtin_interfaces.msg import Duration
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
-from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from fastswing_msgs.action import ExecuteSwing
-from fastswing_msgs.msg import ErrorCode, LengthCommand, SwingFigures
+from fastswing_msgs.msg import ErrorCode, SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector, frozen
@@ -20,7 +19,10 @@ from fastswing_planner.errors import PlannerError, SwingAborted
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
 from fastswing_planner.holding import Holding
+from fastswing_planner.muscle_model import MuscleModel, Payload
+from fastswing_planner.plan_conversion import payload_from_options
 from fastswing_planner.request import Method
+from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot import Robot
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
@@ -30,39 +32,56 @@ from fastswing_planner.swing_execution import (
     Phase,
     PreparedSwing,
     SwingExecution,
+    refuse_muscles,
 )
 
 _LONGEST_SEARCH_SEC = 3600.0
+_CONFIRM_SEC = 1.0
+"""Longest wait for bridge and inhibitor when a swing is stopped."""
+_SETTLED_SEC = 0.05
+"""By then every state was made after the goal began."""
 
 
 @dataclass(frozen=True)
 class SwingSurroundings:
     """What every goal of an executor shares.
 
-    hold             how a posture [rad], shape (n,), is held
+    hold             how a posture [rad], shape (n,), is held with a payload
+    rest             whether the arm rests
     service_timeout  [s] longest wait for the planner, beside its search's time limit
     """
 
     robot: Robot
-    hold: Callable[[Vector], Holding]
+    hold: Callable[[Vector, Payload | None], Holding]
+    rest: RestWatch
     settings: ExecutionSettings
     service_timeout: float
     links: ExecutorLinks
 
 
 class SwingGoal:
-    """Asks for the plan, carries it out, and writes the result. Call `step` often."""
+    """Asks for the plan, carries it out, and writes the result.
 
-    def __init__(self, handle: ServerGoalHandle, around: SwingSurroundings, now: float) -> None:
-        """Begin at time `now` [s]."""
+    Call `begin` once and `step` often. However it ends, call `stop` and then `stopped` until the
+    arm is held, unless it ended well; then `finish`.
+    """
+
+    def __init__(self, handle: ServerGoalHandle, around: SwingSurroundings) -> None:
+        """Wait for `begin`."""
         self._handle = handle
         self._around = around
-        search = np.nan_to_num(handle.request.options.search_time_limit)
-        patience = around.service_timeout + float(np.clip(search, 0.0, _LONGEST_SEARCH_SEC))
-        self._deadline = now + patience
+        self._began = np.nan
+        self._deadline = np.nan
         self._plan: SwingPlanMessage | None = None
+        self._holds: int | None = None
         self._execution: SwingExecution | None = None
-        self._pending: Future | None = None
+        self._planning: Future | None = None
+        self._arming: Future | None = None
+        self.error: PlannerError | None = None
+        """Why the goal was stopped."""
+        self._stop_deadline = np.nan
+        self._holding: Future | None = None
+        self._disarming: list[Future] = []
         self.finished = Future()
         """Done with the result when the goal has ended."""
 
@@ -71,6 +90,26 @@ class SwingGoal:
         """The present phase."""
         return Phase.PLAN if self._execution is None else self._execution.phase
 
+    @property
+    def stopping(self) -> bool:
+        """Whether the swing is over and the arm is being stopped."""
+        return self.error is not None
+
+    @property
+    def canceled(self) -> bool:
+        """Whether the client wants the goal to end."""
+        return bool(self._handle.is_cancel_requested)
+
+    def begin(self, now: float) -> None:
+        """Begin to plan at time `now` [s]."""
+        search = np.nan_to_num(self._handle.request.options.search_time_limit)
+        patience = self._around.service_timeout + float(np.clip(search, 0.0, _LONGEST_SEARCH_SEC))
+        self._began = now
+        self._deadline = now + patience
+        self._handle.publish_feedback(
+            ExecuteSwing.Feedback(phase=int(Phase.PLAN), distance_to_end=np.nan)
+        )
+
     def add_joints(self, joints: JointMeasurement) -> None:
         """Take a joint state."""
         if self._execution is not None:
@@ -78,6 +117,8 @@ class SwingGoal:
 
     def add_muscles(self, muscles: MuscleMeasurement) -> None:
         """Take a muscle state."""
+        if self._holds is None and muscles.time > self._began + _SETTLED_SEC:
+            self._holds = muscles.holds
         if self._execution is not None:
             self._execution.add_muscles(muscles)
 
@@ -86,26 +127,31 @@ class SwingGoal:
         if self._execution is not None:
             self._execution.inhibitor_lost(reason)
 
+    def interrupted(self, reason: str) -> None:
+        """Take note that somebody else commands the arm."""
+        if self._execution is not None:
+            self._execution.interrupted(reason)
+
     def step(
         self, now: float, joints: JointMeasurement | None, muscles: MuscleMeasurement | None
     ) -> bool:
         """Do what is due at time `now` [s] with the last states; return whether the swing is over.
 
-        Raises SwingAborted or another PlannerError if the goal cannot be reached; end it then.
+        Raises SwingAborted or another PlannerError if the goal cannot be reached; stop it then.
         """
-        if self._handle.is_cancel_requested:
+        if self.canceled:
             raise SwingAborted("CANCELED", "canceled by the client; the arm holds where it is")
-        if self._execution is None:
-            self._prepare(now, joints, muscles)
-            return False
-        self._advance(now, self._execution)
-        return self._execution.done
+        if self._execution is not None:
+            self._advance(now, self._execution)
+            return self._execution.done
+        if self._plan is None:
+            self._ask_planner(now)
+        if self._plan is not None:
+            self._execution = self._start(self._plan, now, joints, muscles)
+        return False
 
-    def _prepare(
-        self, now: float, joints: JointMeasurement | None, muscles: MuscleMeasurement | None
-    ) -> None:
-        """Ask the planner, then build the execution."""
-        if self._pending is None:
+    def _ask_planner(self, now: float) -> None:
+        if self._planning is None:
             if self._around.links.planner.service_is_ready():
                 goal = self._handle.request
                 request = PlanSwing.Request(
@@ -114,23 +160,15 @@ class SwingGoal:
                     end_position=goal.end_position,
                     options=goal.options,
                 )
-                self._pending = self._around.links.planner.call_async(request)
-        elif self._pending.done():
-            self._plan = self._answer().plan
+                self._planning = self._around.links.planner.call_async(request)
+        elif self._planning.done():
+            self._plan = _answer(self._planning).plan
             self._around.links.plan.publish(self._plan)
-            self._execution = self._start(self._plan, now, joints, muscles)
+            # From now on the wait is for the arm.
+            self._deadline = now + self._around.settings.settle_limit
             return
         if now > self._deadline:
             raise SwingAborted("NOT_READY", "plan_swing does not answer: is the planner running?")
-
-    def _answer(self) -> PlanSwing.Response | ArmInhibitor.Response:
-        """Take the pending service's answer; raises SwingAborted with its error."""
-        assert self._pending is not None
-        response = self._pending.result()
-        self._pending = None
-        if response.error_code != ErrorCode.SUCCESS:
-            raise SwingAborted(error_name(response.error_code), response.error_string)
-        return response
 
     def _start(
         self,
@@ -138,8 +176,10 @@ class SwingGoal:
         now: float,
         joints: JointMeasurement | None,
         muscles: MuscleMeasurement | None,
-    ) -> SwingExecution:
+    ) -> SwingExecution | None:
+        """Return the execution of the plan; None while the arm does not rest."""
         around, method = self._around, Method(plan.method)
+        _refuse_foreign_plan(plan, around.robot.model)
         if joints is None or muscles is None:
             raise SwingAborted("NOT_READY", "no joint and muscle states yet: is the bridge active?")
         age = now - min(joints.time, muscles.time)
@@ -147,6 +187,18 @@ class SwingGoal:
             raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")
         if method.inhibits and not around.links.arm.service_is_ready():
             raise SwingAborted("NOT_READY", "arm_inhibitor is missing: is the inhibitor active?")
+        if self._holds is None:
+            return None
+        refuse_muscles(muscles, self._holds)
+        if not around.rest.resting(now):
+            if now > self._deadline:
+                raise SwingAborted(
+                    "PHASE_TIMEOUT",
+                    f"the arm did not come to rest in {around.settings.settle_limit:g} s: it is "
+                    "raised only from rest",
+                )
+            return None
+        payload = payload_from_options(self._handle.request.options, around.robot.payload_body)
         swing = PreparedSwing(
             method=method,
             start=frozen(plan.start_position),
@@ -157,17 +209,19 @@ class SwingGoal:
         )
         return SwingExecution(
             around.robot.model,
-            around.hold,
+            lambda posture: around.hold(posture, payload),
             around.robot.wire_stiffness,
             swing,
             around.settings,
             joints,
             muscles,
+            self._holds,
         )
 
     def _advance(self, now: float, execution: SwingExecution) -> None:
-        if self._pending is not None and self._pending.done():
-            self._answer()
+        if self._arming is not None and self._arming.done():
+            arming, self._arming = self._arming, None
+            _answer(arming)
             execution.inhibitor_armed()
         self._carry_out(execution.step(now))
         if not execution.done:
@@ -182,33 +236,66 @@ class SwingGoal:
     def _carry_out(self, orders: Orders) -> None:
         links = self._around.links
         if orders.lengths is not None:
-            links.lengths.publish(
-                LengthCommand(
-                    header=Header(stamp=links.now()),
-                    name=self._around.robot.model.muscle_names,
-                    length=orders.lengths.tolist(),
-                )
-            )
+            links.command_lengths(self._around.robot.model.muscle_names, orders.lengths)
         if orders.arm:
-            self._pending = links.arm.call_async(self._arm_request())
-        if orders.disarm and links.disarm.service_is_ready():
-            links.disarm.call_async(Trigger.Request())
+            self._arming = links.arm.call_async(self._arm_request())
+        if orders.disarm:
+            self._disarm()
+
+    def _disarm(self) -> None:
+        disarm = self._around.links.disarm
+        if disarm.service_is_ready():
+            self._disarming.append(disarm.call_async(Trigger.Request()))
 
     def _arm_request(self) -> ArmInhibitor.Request:
         options, plan = self._handle.request.options, self._plan
         assert plan is not None
-        limit = self._around.settings.swing_limit
+        limit = self._around.settings.arming_limit
         return ArmInhibitor.Request(
+            stamp=self._around.links.now(),
             joint_name=plan.joint_name,
             goal_position=plan.end_position,
+            # The plan's own C, not the inhibitor's parameter: it was predicted with this one.
             threshold=options.threshold,
-            kept_muscle=options.kept_muscle,
+            # What is paid out stays driven: the hybrid inhibits the others.
+            kept_muscle=[*options.kept_muscle, *(set(_elongated(plan)) - set(options.kept_muscle))],
             time_limit=Duration(sec=int(limit), nanosec=int(limit % 1.0 * 1e9)),
         )
 
-    def end(self, error: PlannerError | None) -> None:
-        """Write the result; with an error the arm is told to hold where it is."""
+    # The end.
+
+    def stop(self, error: PlannerError, now: float) -> None:
+        """Have the arm held where it is, because of `error`; a plan alone has moved nothing."""
+        self.error = error
+        self._stop_deadline = now + _CONFIRM_SEC
         execution = self._execution
+        if execution is None:
+            return
+        orders = execution.stop()
+        hold = self._around.links.hold
+        # The bridge knows best where the arm is, our states may be old.
+        if hold.service_is_ready():
+            self._holding = hold.call_async(Trigger.Request())
+            orders = Orders(disarm=True)
+        elif execution.age(now) > self._around.settings.state_timeout:
+            orders = Orders(disarm=True)
+        self._carry_out(orders)
+        if self._arming is not None:
+            # An arming that is still on its way must not outlive the swing.
+            self._arming.add_done_callback(self._on_late_arming)
+
+    def _on_late_arming(self, _arming: Future) -> None:
+        self._arming = None
+        self._disarm()
+
+    def stopped(self, now: float) -> bool:
+        """Return whether bridge and inhibitor have confirmed the stop, or did not in time."""
+        calls = [*self._disarming, *filter(None, (self._holding, self._arming))]
+        return now > self._stop_deadline or all(call.done() for call in calls)
+
+    def finish(self) -> None:
+        """Write the result."""
+        execution, error = self._execution, self.error
         result = ExecuteSwing.Result(error_code=ErrorCode.SUCCESS)
         if self._plan is not None:
             result.plan = self._plan
@@ -217,27 +304,50 @@ class SwingGoal:
             result.measured = figures_to_message(execution.figures)
         else:
             result.measured = SwingFigures(time_cost=np.nan)
+        if error is not None:
+            result.error_code = error_code(error)
+            result.error_string = f"{error}{self._unconfirmed()}"
         if error is None:
             self._handle.succeed()
+        elif self.canceled:
+            self._handle.canceled()
         else:
-            result.error_code = error_code(error)
-            result.error_string = str(error)
-            if execution is not None:
-                self._stop_arm(execution)
-            if self._handle.is_cancel_requested:
-                self._handle.canceled()
-            else:
-                self._handle.abort()
+            self._handle.abort()
         self.finished.set_result(result)
 
-    def _stop_arm(self, execution: SwingExecution) -> None:
-        """Hold the arm where it is; the bridge knows that best, our states may be old."""
-        links = self._around.links
-        if links.hold.service_is_ready():
-            links.hold.call_async(Trigger.Request())
-            self._carry_out(Orders(disarm=True))
-        else:
-            self._carry_out(execution.holding_orders())
-        if self._pending is not None:
-            # An arming that is still on its way must not outlive the swing.
-            self._pending.add_done_callback(lambda _: links.disarm.call_async(Trigger.Request()))
+    def _unconfirmed(self) -> str:
+        if self._execution is None:
+            return ""
+        if self._holding is None:
+            return "; hold_posture is missing: is the bridge active?"
+        if not self._holding.done():
+            return "; the bridge did not confirm that it holds the arm"
+        if not all(call.done() for call in self._disarming):
+            return "; the inhibitor did not confirm that it is disarmed"
+        return ""
+
+
+def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
+    """Return a service's answer; raises SwingAborted with its error."""
+    response = call.result()
+    if response.error_code != ErrorCode.SUCCESS:
+        raise SwingAborted(error_name(response.error_code), response.error_string)
+    return response
+
+
+def _elongated(plan: SwingPlanMessage) -> list[str]:
+    rows = zip(plan.muscle_name, plan.mask, plan.inhibited, strict=True)
+    return [name for name, kept, inhibited in rows if not kept and not inhibited]
+
+
+def _refuse_foreign_plan(plan: SwingPlanMessage, model: MuscleModel) -> None:
+    for what, planned, own in (
+        ("joints", plan.joint_name, model.joint_names),
+        ("muscles", plan.muscle_name, model.muscle_names),
+    ):
+        if tuple(planned) != own:
+            raise SwingAborted(
+                "NOT_READY",
+                f"the planner's robot has the {what} {', '.join(planned)}, this one "
+                f"{', '.join(own)}: give both nodes the same robot_description",
+            )

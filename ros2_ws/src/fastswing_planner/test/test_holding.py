@@ -182,7 +182,10 @@ def test_an_undecided_problem_is_not_a_no(solved: int) -> None:
     solver = Unsolving(undecided=True, solved=solved)
     with pytest.raises(HoldingUndecided) as caught:
         hold(solver, PULLEY, np.array([3.0]), paper_limits(2), BOTH)
-    text = "holding is undecided: the QP of 2 variables was not solved: OUT_OF_ORDER"
+    text = (
+        "holding is undecided: the QP of 2 variables was not solved: OUT_OF_ORDER; "
+        "try the other solver"
+    )
     assert str(caught.value) == text
 
 
@@ -190,7 +193,10 @@ def test_a_solver_that_denies_is_not_believed() -> None:
     solver = Unsolving(undecided=False, solved=1)
     with pytest.raises(SolverFailed) as caught:
         hold(solver, PULLEY, np.array([3.0]), paper_limits(2), BOTH)
-    assert str(caught.value) == "the QP of 2 variables was not solved: OUT_OF_ORDER"
+    assert (
+        str(caught.value)
+        == "the QP of 2 variables was not solved: OUT_OF_ORDER; try the other solver"
+    )
 
 
 def test_an_answer_that_does_not_hold_is_not_believed() -> None:

@@ -282,6 +282,15 @@ def test_joints_left_out_are_where_the_keyframe_has_them() -> None:
     assert length.tolist() == both.lengths(np.array([0.3, 1.2])).tolist()
 
 
+def test_the_full_position_holds_the_joints_left_out_too() -> None:
+    model = two_link(muscles=("flexor", "long"), keyframe="bent")
+    assert model.full_position(np.array([0.3])).tolist() == [0.3, 1.2]
+
+
+def test_the_joints_left_out_are_named_with_where_they_stay() -> None:
+    assert two_link(muscles=("flexor", "long"), keyframe="bent").held_joints() == {"elbow": 1.2}
+
+
 def test_an_unknown_keyframe_lists_the_choices() -> None:
     text = "unknown keyframe 'relaxed', choose from: bent"
     assert two_link_refusal(keyframe="relaxed") == text

@@ -36,7 +36,7 @@ from fastswing_planner.plan_conversion import (
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.robot import Robot
-from fastswing_planner.swing import SwingSettings
+from fastswing_planner.swing import SETTING_RANGES, SwingSettings
 
 OWN = SwingSettings(0.02, 0.05, 77)
 """The planner's own settings, where a request gives none."""
@@ -62,7 +62,10 @@ REQUESTS = st.builds(
     threshold=st.floats(),
     payload=st.none() | PAYLOADS,
     settings=st.builds(
-        SwingSettings, st.floats(1e-4, 1.0), st.floats(1e-5, 1.0), st.integers(1, 100_000)
+        SwingSettings,
+        st.floats(*SETTING_RANGES["time_step"][:2]),
+        st.floats(*SETTING_RANGES["epsilon"][:2]),
+        st.integers(1, 100_000),
     ),
     swing_weight=NUMBERS,
     search=st.sampled_from(Search),

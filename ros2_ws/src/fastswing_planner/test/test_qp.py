@@ -150,7 +150,9 @@ def test_the_iteration_limit_leaves_the_problem_undecided(name: str) -> None:
 def test_the_iteration_limit_is_said(name: str, status: str) -> None:
     with pytest.raises(QpUnsolved) as caught:
         hasty(name).solve(box_program(1.0))
-    assert str(caught.value) == f"the QP of 2 variables was not solved: {status}"
+    assert (
+        str(caught.value) == f"the QP of 2 variables was not solved: {status}; try the other solver"
+    )
 
 
 @each_solver
@@ -174,7 +176,10 @@ def test_daqp_says_that_a_problem_is_infeasible() -> None:
     outside = replace(box_program(1.0), A=np.array([[1.0, 1.0]]), b=np.array([2.5]))
     with pytest.raises(QpUnsolved) as caught:
         DaqpSolver().solve(outside)
-    assert str(caught.value) == "the QP of 2 variables was not solved: infeasible"
+    assert (
+        str(caught.value)
+        == "the QP of 2 variables was not solved: infeasible; try the other solver"
+    )
     assert not caught.value.undecided
 
 
@@ -182,7 +187,10 @@ def test_an_exit_flag_that_daqp_does_not_document_is_said(monkeypatch: pytest.Mo
     monkeypatch.setattr(qp_solvers.daqp, "solve", lambda *_, **__: ([0.0, 0.0], 0.0, -99, {}))
     with pytest.raises(QpUnsolved) as caught:
         DaqpSolver().solve(box_program(1.0))
-    assert str(caught.value) == "the QP of 2 variables was not solved: exit flag -99"
+    assert (
+        str(caught.value)
+        == "the QP of 2 variables was not solved: exit flag -99; try the other solver"
+    )
     assert not caught.value.undecided
 
 
@@ -190,7 +198,10 @@ def test_an_answer_that_is_not_finite_is_none(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(qp_solvers.daqp, "solve", lambda *_, **__: ([0.0, np.nan], 0.0, 1, {}))
     with pytest.raises(QpUnsolved) as caught:
         DaqpSolver().solve(box_program(1.0))
-    assert str(caught.value) == "the QP of 2 variables was not solved: the answer is not finite"
+    assert (
+        str(caught.value)
+        == "the QP of 2 variables was not solved: the answer is not finite; try the other solver"
+    )
     assert not caught.value.undecided
 
 

@@ -267,7 +267,7 @@ WRONG: dict[str, tuple[dict[str, Any], type[PlannerError], str]] = {
     "W1 not symmetric": (
         {"constants": block(4.0, 1.0, 0.5, 4.0)},
         InvalidWeight,
-        "holding_weight is not symmetric: 1 in row 1, column 2, but 0.5 in the mirrored place",
+        "holding_weight is not symmetric: 1 for #1 with #2, but 0.5 for #2 with #1",
     ),
     "W1 not positive definite": (
         {"constants": block(1.0, 2.0, 2.0, 1.0)},

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.errors import HoldingInfeasible, SwingAborted
+from fastswing_planner.errors import HoldingInfeasible, InvalidLimit, SwingAborted
 from fastswing_planner.holding import Holding
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.posture import encoder_lengths
@@ -112,6 +112,17 @@ def stage(
         muscles_at(10.0),
     )
     return Stage(model, execution, place)
+
+
+def reach(case: Stage, phase: Phase) -> None:
+    """Tick until a phase is entered."""
+    if phase is not Phase.RECOVER:
+        case.run_until(phase)
+        return
+    case.run_until(Phase.SWING)
+    case.place = float(END[0])
+    case.tick_for(0.3)
+    assert case.execution.phase is Phase.RECOVER
 
 
 def aborted(case: Stage, duration: float = 20.0) -> SwingAborted:
@@ -277,12 +288,94 @@ def test_a_swing_that_does_not_arrive_is_said(linear_arm: ArmBuilder) -> None:
     )
 
 
-def test_a_swing_that_does_not_arrive_disarms(linear_arm: ArmBuilder) -> None:
-    case = stage(linear_arm, Method.INHIBIT)
-    case.execution.inhibitor_armed()
+def test_a_swing_that_does_not_arrive_ends_at_its_limit_and_pulls_no_longer(
+    linear_arm: ArmBuilder,
+) -> None:
+    case = stage(linear_arm)
     case.run_until(Phase.SWING)
+    begin = case.now
     aborted(case)
-    assert [orders.disarm for orders in case.orders].count(True) == 1
+    assert case.now - begin == pytest.approx(3.0, abs=2 * PERIOD)
+
+
+def test_the_inhibitor_stays_armed_for_longer_than_a_swing_may_take() -> None:
+    assert ExecutionSettings(swing_limit=2.0).arming_limit == 2.5
+
+
+def test_an_arm_that_still_rings_at_the_swings_limit_may_come_to_rest_while_it_recovers(
+    linear_arm: ArmBuilder,
+) -> None:
+    case = stage(linear_arm)
+    case.run_until(Phase.SWING)
+    case.place, case.speed = float(END[0]), 0.5
+    case.tick_for(3.1)
+    assert case.execution.phase is Phase.RECOVER
+    case.finish()
+
+
+def test_an_arm_that_does_not_rest_at_the_end_is_said(linear_arm: ArmBuilder) -> None:
+    case = stage(linear_arm)
+    case.run_until(Phase.SWING)
+    case.place = float(END[0])
+    case.tick()
+    case.place = 0.2
+    error = aborted(case)
+    assert error.code_name == "PHASE_TIMEOUT"
+    assert str(error) == (
+        "the arm does not rest within 0.1 rad of the end posture 5 s after the swing; it is 0.300 "
+        "rad away"
+    )
+
+
+def test_an_arm_that_did_not_come_to_the_start_pays_nothing_out(linear_arm: ArmBuilder) -> None:
+    case = stage(linear_arm, place=0.0)
+    error = aborted(case)
+    assert case.execution.phase is Phase.RAISE
+    assert error.code_name == "NOT_AT_START"
+    assert str(error) == (
+        "the arm is 1.000 rad from the start posture and must come within 0.08 rad of it"
+    )
+
+
+def test_a_way_longer_than_its_limit_is_refused_before_anything_moves(
+    linear_arm: ArmBuilder,
+) -> None:
+    with pytest.raises(SwingAborted) as caught:
+        stage(linear_arm, raise_speed=0.1)
+    assert caught.value.code_name == "PHASE_TIMEOUT"
+    assert str(caught.value) == (
+        "the way to the start posture would take 15.7 s at 0.1 rad/s, raise_limit is 15 s"
+    )
+
+
+def test_paying_out_longer_than_its_limit_is_refused_before_anything_moves(
+    linear_arm: ArmBuilder,
+) -> None:
+    with pytest.raises(SwingAborted) as caught:
+        stage(linear_arm, elongate_speed=0.005, elongate_limit=2.0)
+    assert caught.value.code_name == "PHASE_TIMEOUT"
+    assert str(caught.value) == "paying out would take 4.0 s at 0.005 m/s, elongate_limit is 2 s"
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        (
+            {"settle_limit": 1.0, "rest_time": 1.0},
+            "settle_limit is 1 s, must be above rest_time, 1 s",
+        ),
+        (
+            {"recover_limit": 0.4, "recover_time": 0.5},
+            "recover_limit is 0.4 s, must be above recover_time, 0.5 s",
+        ),
+    ],
+)
+def test_a_limit_within_which_its_phase_cannot_end_is_refused(
+    settings: dict[str, float], text: str
+) -> None:
+    with pytest.raises(InvalidLimit) as caught:
+        ExecutionSettings(**settings)
+    assert str(caught.value) == text
 
 
 def test_before_the_swing_there_are_no_figures(linear_arm: ArmBuilder) -> None:
@@ -326,6 +419,70 @@ def test_one_silent_source_is_enough_to_stop(linear_arm: ArmBuilder) -> None:
     case.execution.add_joints(joints_at(10.5, 0.0))
     with pytest.raises(SwingAborted, match=r"^the last measurements are 0\.50 s old$"):
         case.execution.step(10.5)
+
+
+@pytest.mark.parametrize("phase", ORDER)
+def test_an_executor_that_stood_still_does_not_jump_to_where_the_arm_should_be(
+    linear_arm: ArmBuilder, phase: Phase
+) -> None:
+    case = stage(linear_arm)
+    reach(case, phase)
+    case.tick()
+    case.now += 2.0
+    with pytest.raises(SwingAborted) as caught:
+        case.tick()
+    assert caught.value.code_name == "STALE_STATE"
+    assert str(caught.value) == "the executor did not run for 2.01 s"
+
+
+@pytest.mark.parametrize("phase", ORDER)
+def test_somebody_who_holds_the_arm_stops_every_phase(linear_arm: ArmBuilder, phase: Phase) -> None:
+    case = stage(linear_arm)
+    reach(case, phase)
+    case.execution.add_muscles(muscles_at(case.now)._replace(holds=1))
+    with pytest.raises(SwingAborted) as caught:
+        case.execution.step(case.now)
+    assert caught.value.code_name == "INTERRUPTED"
+    assert str(caught.value) == "somebody held the arm, by hold_posture or clear_faults"
+
+
+@pytest.mark.parametrize("phase", ORDER)
+def test_somebody_who_drives_a_muscle_stops_every_phase(
+    linear_arm: ArmBuilder, phase: Phase
+) -> None:
+    case = stage(linear_arm)
+    reach(case, phase)
+    case.execution.add_muscles(muscles_at(case.now)._replace(driven=("m1",)))
+    with pytest.raises(SwingAborted) as caught:
+        case.execution.step(case.now)
+    assert caught.value.code_name == "INTERRUPTED"
+    assert str(caught.value) == "muscles that follow somebody's tension or current: m1"
+
+
+@pytest.mark.parametrize("phase", ORDER)
+def test_another_writer_of_lengths_stops_every_phase(linear_arm: ArmBuilder, phase: Phase) -> None:
+    case = stage(linear_arm)
+    reach(case, phase)
+    case.execution.interrupted("somebody else publishes length_command")
+    with pytest.raises(SwingAborted) as caught:
+        case.execution.step(case.now)
+    assert caught.value.code_name == "INTERRUPTED"
+    assert str(caught.value) == "somebody else publishes length_command"
+
+
+def test_a_hold_between_request_and_raise_counts(linear_arm: ArmBuilder) -> None:
+    swing = PreparedSwing(Method.BASIC, START, END, ELONGATION, TENSION, FINAL_TENSION)
+    with pytest.raises(SwingAborted, match=r"^somebody held the arm"):
+        SwingExecution(
+            linear_arm(MOMENT_ARMS),
+            holds,
+            STIFFNESS,
+            swing,
+            ExecutionSettings(),
+            joints_at(1.0, 0.0),
+            muscles_at(1.0)._replace(holds=4),
+            holds=3,
+        )
 
 
 @pytest.mark.parametrize("phase", ORDER[:4])
@@ -395,21 +552,35 @@ def test_a_faulty_muscle_is_not_started_with(linear_arm: ArmBuilder) -> None:
     assert str(caught.value) == "faulty muscles: m0; find the cause, then clear_faults"
 
 
+def test_a_muscle_at_zero_current_is_not_started_with(linear_arm: ArmBuilder) -> None:
+    with pytest.raises(SwingAborted, match=r"^muscles at zero current: m0; an emergency stop"):
+        start_with(linear_arm, holds, muscles_at(1.0)._replace(limp=("m0",)))
+
+
 def test_a_way_that_cannot_be_held_is_not_started(linear_arm: ArmBuilder) -> None:
     with pytest.raises(HoldingInfeasible, match=r"^on the way to the start posture, \("):
         start_with(linear_arm, lambda _: Holding(False, 3.0, frozen(TENSION)), muscles_at(1.0))
 
 
-@pytest.mark.parametrize("phase", ORDER[:4])
+@pytest.mark.parametrize("phase", ORDER)
 def test_a_stop_holds_the_measured_lengths_and_disarms(
     linear_arm: ArmBuilder, phase: Phase
 ) -> None:
     case = stage(linear_arm)
-    case.run_until(phase)
-    orders = case.execution.holding_orders()
+    reach(case, phase)
+    orders = case.execution.stop()
     assert orders.disarm
     assert orders.lengths is not None
     assert orders.lengths.tolist() == [0.1, 0.2]
+
+
+@pytest.mark.parametrize("phase", ORDER)
+def test_after_a_stop_nothing_is_ordered(linear_arm: ArmBuilder, phase: Phase) -> None:
+    case = stage(linear_arm, Method.INHIBIT)
+    case.execution.inhibitor_armed()
+    reach(case, phase)
+    case.execution.stop()
+    assert set(case.tick_for(8.0)) == {Orders()}
 
 
 def test_the_distance_to_the_end_is_measured(linear_arm: ArmBuilder) -> None:

@@ -1,6 +1,7 @@
 """Decides, muscle by muscle, what the boards are told; without clock or I/O.
 
-Highest wins: emergency stop or fault > zero-current override > current > tension > length.
+Highest wins: emergency stop or fault > muscle kept at its length (its bus was lost) >
+zero-current override > current > tension > length.
 """
 
 from collections.abc import Sequence
@@ -11,10 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from musashi_muscle_bridge.errors import CommandRejected
+from musashi_muscle_bridge.commands import check_lease
 from musashi_muscle_bridge.protocol import Mode
 
 ModeVector = NDArray[np.uint8]
+
+_ALL = slice(None)
+_MAX_STEP_SEC = 0.05
+"""[s] After a stall a setpoint that moves back into place goes on, it does not catch up."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,8 @@ class CommandArbiter:
         self._streaming = False  # a stream was commanded and its end has not been noticed yet
         self._overriding = False  # somebody asked for an override that may not have ended yet
         self._faulty = np.zeros(count, dtype=bool)
+        self._kept = np.zeros(count, dtype=bool)
+        self._some_kept = False
         self._now = -np.inf
         self._at_target = False  # every muscle was sent its latched length, by the last update
         self._sent: Setpoints | None = None  # what stays valid until the next length command
@@ -83,6 +90,9 @@ class CommandArbiter:
     def command(self, mode: Mode, index: Sequence[int] | slice, values: Vector, now: float) -> None:
         """Take a checked length [m], tension [N] or current [A] command for some muscles."""
         chosen = index if isinstance(index, slice) else np.asarray(index, dtype=int)
+        if self._some_kept:
+            free = ~self._kept[chosen]
+            chosen, values = np.arange(self._kept.size)[chosen][free], values[free]
         if mode is not Mode.LENGTH:
             self._at_target = False
         low, high = self._range[mode]
@@ -109,10 +119,8 @@ class CommandArbiter:
 
         Raises CommandRejected for a lease that is not positive or too long.
         """
-        if index and not 0.0 < lease <= self._limits.max_lease:
-            raise CommandRejected(
-                "lease", f"lease is {lease:g} s, expected 0 < lease <= {self._limits.max_lease:g} s"
-            )
+        if index:
+            check_lease(lease, self._limits.max_lease)
         if not index and not self._overriding:
             return
         self._overriding = len(index) > 0
@@ -125,24 +133,38 @@ class CommandArbiter:
         self.emergency = True
         self._at_target = False
 
-    def hold(self) -> None:
-        """Forget all commands: every muscle holds its measured length."""
+    def keep(self, which: BoolVector) -> None:
+        """Hold the measured lengths of some muscles, shape (m,), whatever is commanded.
+
+        Latched like a fault, until the faults are cleared; only a fault or a stop is stronger.
+        """
+        new = which & ~self._kept
+        if not np.count_nonzero(new):
+            return
+        self._kept |= new
+        self._some_kept = True
+        self.hold(np.flatnonzero(new))
+
+    def hold(self, index: NDArray[np.intp] | slice = _ALL) -> None:
+        """Forget the commands of some muscles: they hold their measured length."""
         self._at_target = False
-        self._target[:] = np.nan
-        self._active[:] = np.nan
+        self._target[index] = np.nan
+        self._active[index] = np.nan
         for _, received in self._stream.values():
-            received[:] = -np.inf
+            received[index] = -np.inf
 
     def clear_faults(self) -> None:
         """End the emergency stop; afterwards every muscle holds its measured length."""
         self.emergency = False
         self._faulty[:] = False
+        self._kept[:] = False
+        self._some_kept = False
         self.hold()
 
     @property
     def latched(self) -> BoolVector:
-        """Muscles kept at zero current by a fault until it is cleared, shape (m,)."""
-        return self._faulty.copy()
+        """Muscles that no command moves until faults are cleared, shape (m,)."""
+        return self._faulty | self._kept
 
     # The decision.
 
@@ -153,9 +175,10 @@ class CommandArbiter:
     def update(self, now: float, length: Vector, tension: Vector, faulty: BoolVector) -> Setpoints:
         """Return what to tell the boards at `now`, from measured lengths [m] and tensions [N].
 
-        faulty  muscles whose boards report a fault; they stay at zero current until cleared
+        faulty  muscles whose boards report a fault; they stay at zero current until cleared, and
+                so does a muscle whose measurement is not finite
         """
-        elapsed = 0.0 if self._now == -np.inf else max(now - self._now, 0.0)
+        elapsed = 0.0 if self._now == -np.inf else min(max(now - self._now, 0.0), _MAX_STEP_SEC)
         self._now = max(now, self._now)
         if self._at_target and not np.count_nonzero(faulty):
             # Nothing but new length commands since every muscle followed them: it still does.
@@ -164,7 +187,7 @@ class CommandArbiter:
                 self._sent = Setpoints(self._all_length, frozen(self._target))
             return self._sent
         self._sent = None
-        self._faulty |= faulty
+        self._faulty |= faulty | ~np.isfinite(length + tension)
         mode = np.full(length.size, Mode.LENGTH, dtype=np.uint8)
         value = np.zeros(length.size)
         for stream_mode, (stream, received) in self._stream.items() if self._streaming else ():
@@ -176,7 +199,7 @@ class CommandArbiter:
             received[~fresh] = -np.inf
         if self._streaming:
             self._streaming = any(np.isfinite(end).any() for _, end in self._stream.values())
-        off = self.overridden(self._now) | self._faulty | self.emergency
+        off = (self.overridden(self._now) & ~self._kept) | self._faulty | self.emergency
         mode[off] = Mode.ZERO_CURRENT
         value[off] = 0.0
         in_length = mode == Mode.LENGTH

@@ -23,9 +23,10 @@ class BoardLink:
     command  the last of them; None before the first
     """
 
-    def __init__(self, boards: Boards, boot: int = 0) -> None:
-        """`boot` is the boot counter's value, the same on every board."""
+    def __init__(self, boards: Boards, boot: int = 0, group: int = 0) -> None:
+        """`boot` is the boot counter's value, the same on every board of this group."""
         self._boards = boards
+        self._group = group
         self._boot = boot
         self._session: tuple[int, Hashable] | None = None
         self._sequence = 0
@@ -37,8 +38,12 @@ class BoardLink:
 
     def advance(self, elapsed: float) -> None:
         """Let `elapsed` [s] pass, for the boards too."""
-        self._silence += elapsed
+        self.wait(elapsed)
         self._boards.advance(elapsed)
+
+    def wait(self, elapsed: float) -> None:
+        """Let `elapsed` [s] pass on this bus alone: somebody else advances the boards."""
+        self._silence += elapsed
 
     def answer(self, frame: bytes, sender: Hashable = None) -> bytes | None:
         """Carry out a command frame and return the state frame; None if it does not count.
@@ -69,7 +74,7 @@ class BoardLink:
         return "foreign" if lasting else ""
 
     def _state(self, command: CommandFrame) -> bytes:
-        state = self._boards.handle(command)
+        state = self._boards.handle(command, self._group)
         rows = state.rows.copy()
         rows["boots"] = (rows["boots"].astype(np.int64) + self._boot) % 2**16
         rows["refused"] = sum(self.refused.values()) % 2**16

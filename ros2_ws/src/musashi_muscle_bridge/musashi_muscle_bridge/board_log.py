@@ -2,13 +2,14 @@
 
 Tab-separated, one line per event, each written at once: a process that is killed loses none.
 
-    command  time  session  sequence  modes  setpoints  tension_limit  board modes  faults  tension
+    command  time  group  session  sequence  modes  setpoints  limit  board modes  faults  tension
     boards   time  board modes  faults  silence  tension
 
-time [s] is CLOCK_MONOTONIC, the same for all processes of a machine. Modes and faults are one
-digit for each muscle, setpoints [m], [N] or [A] by mode. tension_limit and tension [N] are the
-largest of all muscles. silence [s] is the boards' own time since the last command when the latest
-fault latched, the largest of all faulty boards: it does not depend on when the process ran.
+time [s] is CLOCK_MONOTONIC, the same for all processes of a machine. group counts the buses from 0;
+a command is for the muscles of its group. Modes and faults are one digit for each muscle, setpoints
+[m], [N] or [A] by mode. limit (of the tension) and tension [N] are the largest of all muscles.
+silence [s] is the boards' own time since the last command when the latest fault latched, the
+largest of all faulty boards: it does not depend on when the process ran.
 """
 
 from pathlib import Path
@@ -39,12 +40,12 @@ class BoardLog:
         """Close the file."""
         self._file.close()
 
-    def command(self, now: float, command: CommandFrame, boards: Boards) -> None:
-        """Write a command that the boards took at `now` [s]."""
+    def command(self, now: float, group: int, command: CommandFrame, boards: Boards) -> None:
+        """Write a command that a group of boards took at `now` [s]."""
         rows = command.rows
         setpoints = ",".join(f"{value:.5f}" for value in rows["setpoint"].tolist())
         self._write(
-            f"command\t{now:.6f}\t{command.session}\t{command.sequence}\t{_digits(rows['mode'])}\t"
+            f"command\t{now:.6f}\t{group}\t{command.session}\t{command.sequence}\t{_digits(rows['mode'])}\t"
             f"{setpoints}\t{rows['tension_limit'].max():.3f}\t{self._condition(boards)}\n"
         )
         self.changes(now, boards)

@@ -2,12 +2,14 @@
 
 import secrets
 import sys
-import threading
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
+from numpy.typing import NDArray
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -24,13 +26,18 @@ from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
-from musashi_muscle_bridge.bus import open_bus
+from musashi_muscle_bridge.bus import group_urls, open_all, open_bus
 from musashi_muscle_bridge.bus_parameters import BUS_URL
-from musashi_muscle_bridge.commands import check_stamp, checked_index, checked_values
-from musashi_muscle_bridge.control import ControlPeriod, command_limits
-from musashi_muscle_bridge.control_loop import ControlLoop
+from musashi_muscle_bridge.commands import (
+    check_lease,
+    check_stamp,
+    checked_index,
+    checked_values,
+)
+from musashi_muscle_bridge.control import ControlPeriod, command_limits, slack
+from musashi_muscle_bridge.control_loop import ControlLoop, Measurement
 from musashi_muscle_bridge.errors import CommandRejected
-from musashi_muscle_bridge.protocol import Fault, Mode, StateFrame, WatchdogAction
+from musashi_muscle_bridge.protocol import Fault, Mode, WatchdogAction
 
 _SWITCH_INTERVAL_SEC = 5e-5
 _COMMANDS = {
@@ -39,11 +46,18 @@ _COMMANDS = {
     Mode.CURRENT: (CurrentCommand, "current_command", "current"),
 }
 _OVERRIDE = "current_override"
+_DEAD = "the control thread died, see the log: nothing is sent, the boards' watchdog acts"
 _FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
 
 TABLE = (
     ROBOT_DESCRIPTION,
     BUS_URL,
+    Parameter(
+        "read_only",
+        False,
+        "Publish states and command nothing: no commands are taken, no board is energised, "
+        "cleared or kept alive.",
+    ),
     Parameter("control_rate", 500.0, "Frames to the boards.", "Hz", 10.0, 2000.0),
     Parameter(
         "watchdog_action",
@@ -80,17 +94,22 @@ class BridgeNode(ManagedNode):
     def __init__(self) -> None:
         """Declare parameters."""
         super().__init__("bridge", TABLE)
-        self._rejected: dict[str, int] = {}
+        self._counts: dict[str, int] = {}  # of commands, by what was wrong with them
         self._last_rejection = ""
         self._faults: tuple[str, ...] = ()
         self._refused = 0
+        self._slack = ""
+        self._holds = 0  # so that a running swing notices that somebody holds the arm
         self._emergency_latched = False  # over a deactivation
+        self._inputs: list[Any] = []
+        self._triggers: list[Any] = []
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot; nothing is energised."""
         self._robot = load_robot(resolve_path(parameters["robot_description"]))
         self._values = parameters
         self._names = self._robot.model.muscle_names
+        self._urls = group_urls(parameters["bus_url"], len(self._robot.board_groups))
 
     def activate(self) -> None:
         """Open the bus, hold the measured lengths, listen to commands."""
@@ -109,35 +128,32 @@ class BridgeNode(ManagedNode):
             WatchdogAction[parameters["watchdog_action"].upper()],
             parameters["watchdog_timeout"],
             session=secrets.randbits(32),
+            read_only=parameters["read_only"],
         )
         if self._emergency_latched:
             self._control.arbiter.emergency_stop()
-        bus = open_bus(parameters["bus_url"])
+        buses = open_all(open_bus, self._urls)
         newest = QoSProfile(depth=1)
         self._muscle_state = self.create_publisher(MuscleState, "muscle_state", newest)
         self._joint_state = self.create_publisher(JointState, "joint_states", newest)
-        self._lock = threading.Lock()
-        self._connect()
         self._loop = ControlLoop(
-            bus, self._control, self._lock, parameters["control_rate"], self._publish
+            buses,
+            self._control,
+            parameters["control_rate"],
+            self._publish,
+            self.get_logger().error,
         )
+        self._inputs, self._triggers = [], []
+        if not parameters["read_only"]:
+            self._connect()
         self._loop.start()
 
     def _connect(self) -> None:
         self._inputs = [
-            self.create_subscription(
-                kind, topic, self.guarded(self._taker(topic, self._command(mode, field))), 10
-            )
+            self._listen(kind, topic, self._command(mode, field), 10)
             for mode, (kind, topic, field) in _COMMANDS.items()
         ]
-        self._inputs.append(
-            self.create_subscription(
-                CurrentOverride,
-                _OVERRIDE,
-                self.guarded(self._taker(_OVERRIDE, self._override)),
-                QoSProfile(depth=1),
-            )
-        )
+        self._inputs.append(self._listen(CurrentOverride, _OVERRIDE, self._override, 1))
         self._triggers = [
             self.create_service(Trigger, name, self.guarded(self._answer(action, text)))
             for name, action, text in (
@@ -160,7 +176,14 @@ class BridgeNode(ManagedNode):
 
     # Commands.
 
+    def _listen(self, kind: Any, topic: str, take: Callable[[Any], None], depth: int) -> Any:
+        return self.create_subscription(
+            kind, topic, self.guarded(self._taker(topic, take)), QoSProfile(depth=depth)
+        )
+
     def _taker(self, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return a callback of messages that `take` puts in the control thread's queue."""
+
         def on_message(message: Any) -> None:
             stamp = message.header.stamp
             try:
@@ -171,60 +194,76 @@ class BridgeNode(ManagedNode):
                 )
                 take(message)
             except CommandRejected as error:
-                key = f"rejected_{topic}_{error.reason}"
-                self._rejected[key] = self._rejected.get(key, 0) + 1
+                self._count(f"rejected_{topic}_{error.reason}")
                 self._last_rejection = f"{topic}: {error}"
                 self.get_logger().warning(f"rejected {topic}: {error}", throttle_duration_sec=1.0)
+                return
+            if self.count_publishers(topic) > 1:
+                # Whose it is, rclpy's executor does not tell.
+                self._count(f"contested_{topic}")
 
         return on_message
 
+    def _count(self, key: str) -> None:
+        self._counts[key] = self._counts.get(key, 0) + 1
+
     def _command(self, mode: Mode, field: str) -> Callable[[Any], None]:
         def take(message: Any) -> None:
+            now = self.monotonic()
             index = checked_index(message.name, self._names)
             values = checked_values(message.name, getattr(message, field))
-            with self._lock:
-                self._control.arbiter.command(mode, index, values, self.monotonic())
+            arbiter = self._control.arbiter
+            self._loop.order(lambda: arbiter.command(mode, index, values, now))
 
         return take
 
     def _override(self, message: CurrentOverride) -> None:
+        now = self.monotonic()
         index = checked_index(message.name, self._names)
         lease = message.lease.sec + message.lease.nanosec * 1e-9
-        with self._lock:
-            self._control.arbiter.override(index, lease, self.monotonic())
+        if index:
+            check_lease(lease, self._values["max_lease"])
+        arbiter = self._control.arbiter
+        self._loop.order(lambda: arbiter.override(index, lease, now))
 
     def _answer(
         self, action: Callable[[], None], text: str
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            with self._lock:
-                action()
-            self.get_logger().warning(text)
-            response.success = True
-            response.message = text
+            action()
+            response.success = self._loop.alive
+            response.message = text if response.success else _DEAD
+            self.get_logger().warning(response.message)
             return response
 
         return serve
 
     def _emergency_stop(self) -> None:
-        self._control.arbiter.emergency_stop()
+        # What was ordered before it, a clearing above all, must not come after it.
+        self._loop.order_first(self._control.arbiter.emergency_stop)
 
     def _clear_faults(self) -> None:
-        self._control.clear_faults()
+        self._loop.order(self._control.clear_faults)
+        self._holds += 1
 
     def _hold(self) -> None:
-        self._control.arbiter.hold()
+        self._loop.order(self._control.arbiter.hold)
+        self._holds += 1
 
     # States.
 
-    def _publish(self, state: StateFrame) -> None:
-        header = Header(stamp=self.get_clock().now().to_msg())
-        rows, joints = state.rows, state.joints
+    def _publish(self, measured: Measurement) -> None:
+        age = Duration(nanoseconds=round((time.monotonic() - measured.received) * 1e9))
+        header = Header(stamp=(self.get_clock().now() - age).to_msg())
+        rows, joints = measured.state.rows, measured.state.joints
+        silent = measured.report.lost & (rows["fault"] == Fault.NONE)
+        fault = np.where(silent, np.uint8(Fault.BUS), rows["fault"])
         self._faults = tuple(
-            f"{name} {_FAULT_NAMES.get(int(fault), f'fault {fault}')}"
-            for name, fault in zip(self._names, rows["fault"], strict=True)
-            if fault
+            f"{name} {_FAULT_NAMES.get(int(number), f'fault {number}')}"
+            for name, number in zip(self._names, fault, strict=True)
+            if number
         )
+        self._slack = self._named(slack(measured.state))
         self._refused = int(rows["refused"].max(initial=0))
         self._muscle_state.publish(
             MuscleState(
@@ -236,9 +275,12 @@ class BridgeNode(ManagedNode):
                 current=rows["current"].tolist(),
                 temperature=rows["temperature"].tolist(),
                 mode=rows["mode"].tolist(),
-                fault=rows["fault"].tolist(),
+                fault=fault.tolist(),
+                holds=self._holds,
             )
         )
+        if not measured.joints_fresh:
+            return  # what is not measured now is not told: whoever needs it notices its age
         self._joint_state.publish(
             JointState(
                 header=header,
@@ -254,42 +296,48 @@ class BridgeNode(ManagedNode):
         """Report bus, timing, overrides, rejections, faults and foreign writers."""
         if not self.is_active:
             return DiagnosticStatus.OK, "inactive", {}
-        with self._lock:
-            arbiter = self._control.arbiter
-            overridden = np.flatnonzero(arbiter.overridden(self.monotonic()))
-            latched = ", ".join(self._names[index] for index in np.flatnonzero(arbiter.latched))
-            rebooted = ", ".join(
-                self._names[index] for index in np.flatnonzero(self._control.rebooted)
-            )
-            values: dict[str, object] = {
-                "emergency_stop": arbiter.emergency,
-                "overridden": ", ".join(self._names[index] for index in overridden),
-                "clamped": arbiter.clamped,
-                "faults": ", ".join(self._faults),
-                "rebooted": rebooted,
-                "refused_by_boards": self._refused,
-            }
-        values |= self._loop.statistics() | self._rejected
-        topics = [topic for _, topic, _ in _COMMANDS.values()] + [_OVERRIDE]
-        doubled = [topic for topic in topics if self.count_publishers(topic) > 1]
-        problems = [
-            (not self._loop.alive, DiagnosticStatus.ERROR, "the control thread died, see the log"),
-            (
-                rebooted,
-                DiagnosticStatus.ERROR,
-                f"boards started again, at zero current until clear_faults: {rebooted}",
-            ),
-            (latched, DiagnosticStatus.ERROR, f"latched until clear_faults: {latched}"),
-            (self._faults, DiagnosticStatus.ERROR, f"faults: {', '.join(self._faults)}"),
-            (arbiter.emergency, DiagnosticStatus.ERROR, "emergency stop, see clear_faults"),
-            (self._loop.misses_in_a_row, DiagnosticStatus.ERROR, "the boards do not answer"),
-            (doubled, DiagnosticStatus.ERROR, f"two publishers on {', '.join(doubled)}"),
-            (self._last_rejection, DiagnosticStatus.WARN, f"rejected {self._last_rejection}"),
-        ]
-        for problem, level, text in problems:
+        report = self._loop.report
+        latched, rebooted = self._named(report.latched), self._named(report.rebooted)
+        values: dict[str, object] = {
+            "read_only": self._control.read_only,
+            "emergency_stop": report.emergency,
+            "overridden": self._named(report.overridden),
+            "clamped": report.clamped,
+            "faults": ", ".join(self._faults),
+            "latched": latched,
+            "rebooted": rebooted,
+            "lost": self._named(report.lost),
+            "slack": self._slack,
+            "refused_by_boards": self._refused,
+        }
+        values |= self._loop.statistics() | self._counts
+        for problem, level, text in self._problems(latched, rebooted, report.emergency):
             if problem:
                 return level, text, values
-        return DiagnosticStatus.OK, "ok", values
+        return DiagnosticStatus.OK, "read only" if self._control.read_only else "ok", values
+
+    def _problems(
+        self, latched: str, rebooted: str, emergency: bool
+    ) -> Iterator[tuple[object, bytes, str]]:
+        """Yield what can be wrong, the worst first: whether it is, its level and its text."""
+        topics = [topic for _, topic, _ in _COMMANDS.values()] + [_OVERRIDE]
+        doubled = [topic for topic in topics if self.count_publishers(topic) > 1]
+        silent = self._loop.silent
+        where = f" on {', '.join(self._urls[n] for n in silent)}" if len(self._urls) > 1 else ""
+        error = DiagnosticStatus.ERROR
+        yield not self._loop.alive, error, _DEAD
+        boards = f"boards started again, at zero current until clear_faults: {rebooted}"
+        yield rebooted, error, boards
+        yield latched, error, f"latched until clear_faults: {latched}"
+        yield self._faults, error, f"faults: {', '.join(self._faults)}"
+        yield emergency, error, "emergency stop, see clear_faults"
+        yield silent, error, f"the boards do not answer{where}"
+        yield doubled, error, f"two publishers on {', '.join(doubled)}"
+        yield self._slack, DiagnosticStatus.WARN, f"slack in tension mode: {self._slack}"
+        yield self._last_rejection, DiagnosticStatus.WARN, f"rejected {self._last_rejection}"
+
+    def _named(self, chosen: NDArray[np.bool_]) -> str:
+        return ", ".join(self._names[index] for index in np.flatnonzero(chosen))
 
 
 def main() -> int:

@@ -1,8 +1,8 @@
 """How frames travel between bridge and boards."""
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from importlib.metadata import entry_points
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 from urllib.parse import urlsplit
 
 from musashi_muscle_bridge.errors import BusError
@@ -35,6 +35,10 @@ class Bus(Protocol):
         """Release the port."""
 
 
+class _Closable(Protocol):
+    def close(self) -> None: ...
+
+
 class Received(NamedTuple):
     """A frame and where it came from; None on a bus with a single bridge."""
 
@@ -59,6 +63,22 @@ class BoardPort(Protocol):
         """Release the port."""
 
 
+_End = TypeVar("_End", bound=_Closable)
+
+
+def open_all(opener: Callable[[str], _End], urls: Sequence[str]) -> list[_End]:
+    """Open one end of each bus, all of them or none; raises BusError."""
+    opened: list[_End] = []
+    try:
+        for url in urls:
+            opened.append(opener(url))
+    except BaseException:
+        for end in opened:
+            end.close()
+        raise
+    return opened
+
+
 def open_bus(url: str) -> Bus:
     """Open the bridge's end of the bus that a URL such as `udp://127.0.0.1:48800` names.
 
@@ -73,6 +93,23 @@ def open_board_port(url: str) -> BoardPort:
     """Open the boards' end: the same with the group `musashi_muscle_bridge.board_ports`."""
     port: BoardPort = _opener(BOARD_ENDS, url)(url)
     return port
+
+
+def group_urls(text: str, groups: int) -> list[str]:
+    """Return the URL of each group's bus: the whole text for one, else separated by blanks.
+
+    Raises BusError unless there are as many as groups, all different.
+    """
+    urls = [text] if groups == 1 else text.split()
+    if len(urls) != groups:
+        raise BusError(
+            f"bus_url '{text}' has {len(urls)} URLs, the robot has {groups} board_groups: "
+            "write one URL for each, separated by blanks"
+        )
+    for url in urls:
+        if urls.count(url) > 1:
+            raise BusError(f"bus_url '{text}': two board_groups cannot share {url}")
+    return urls
 
 
 def _opener(group: str, url: str) -> Callable[[str], Any]:

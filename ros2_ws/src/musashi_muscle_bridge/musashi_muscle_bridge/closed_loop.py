@@ -4,6 +4,7 @@ The same objects as in the nodes, without ROS: deterministic and faster than rea
 """
 
 from collections import deque
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ from fastswing_planner.arrays import BoolVector
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures
 from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot import Robot
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
@@ -72,8 +74,18 @@ class ClosedLoop:
         self._state = self.boards.handle(self.control.first_command())
         self.samples: list[Sample] = []
 
-    def run(self, plan: SwingPlan, settings: ExecutionSettings) -> SwingFigures:
-        """Carry out a plan and return what was measured; raises PlannerError if it aborts."""
+    def run(
+        self, plan: SwingPlan, settings: ExecutionSettings, request: SwingRequest | None = None
+    ) -> SwingFigures:
+        """Carry out a plan and return what was measured; raises PlannerError if it aborts.
+
+        request  what was planned: its threshold, kept muscles and payload; None: the defaults
+        """
+        request = request or SwingRequest(plan.start, plan.end)
+        names = self._robot.model.muscle_names
+        # What is paid out stays driven: the hybrid inhibits the others.
+        protected = plan.elongated | np.isin(names, list(request.kept_muscles))
+        arming = Arming(plan.end, request.threshold, protected, settings.arming_limit, 0.0)
         swing = PreparedSwing(
             plan.method,
             plan.start,
@@ -85,7 +97,7 @@ class ClosedLoop:
         self._advance()
         execution = SwingExecution(
             self._robot.model,
-            self._planner.hold,
+            lambda posture: self._planner.hold(posture, request.payload),
             self._robot.wire_stiffness,
             swing,
             settings,
@@ -100,7 +112,7 @@ class ClosedLoop:
                 execution.add_joints(joints)
                 execution.add_muscles(self._muscles())
                 self.samples.append(Sample(self._now, execution.phase, self._state))
-            self._carry_out(execution.step(self._now), execution, plan)
+            self._carry_out(execution.step(self._now), execution, arming)
         figures = execution.figures
         if figures is None:
             raise PlannerError("the swing ended without a measurement")
@@ -137,15 +149,16 @@ class ClosedLoop:
         if self._inhibition.armed:
             decision = self._inhibition.decide(joints)
             inhibited = np.flatnonzero(decision.inhibited).tolist()
+        else:
+            self._inhibition.see(joints.time)
         self._overrides.append(inhibited)
         self.control.arbiter.override(self._overrides.popleft(), 0.05, self._now)
 
-    def _carry_out(self, orders: Orders, execution: SwingExecution, plan: SwingPlan) -> None:
+    def _carry_out(self, orders: Orders, execution: SwingExecution, arming: Arming) -> None:
         if orders.lengths is not None:
             self.control.arbiter.command(Mode.LENGTH, slice(None), orders.lengths, self._now)
         if orders.arm:
-            protected = np.zeros(plan.kept.size, dtype=bool)
-            self._inhibition.arm(Arming(plan.end, 0.0, protected, 5.0, self._now))
+            self._inhibition.arm(replace(arming, start_time=self._now))
             execution.inhibitor_armed()
         if orders.disarm:
             self._inhibition.disarm(Reason.DISARMED)

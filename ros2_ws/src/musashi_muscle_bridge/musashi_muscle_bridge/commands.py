@@ -35,6 +35,14 @@ def checked_values(names: Sequence[str], values: Sequence[float]) -> Vector:
     return vector
 
 
+def check_lease(lease: float, max_lease: float) -> None:
+    """Raise CommandRejected for a lease [s] that is not positive or too long."""
+    if not 0.0 < lease <= max_lease:
+        raise CommandRejected(
+            "lease", f"lease is {lease:g} s, expected 0 < lease <= {max_lease:g} s"
+        )
+
+
 def check_stamp(stamp_ns: int, now_ns: int, max_age: float, max_ahead: float = 0.05) -> None:
     """Raise CommandRejected for a stamp [ns] that is zero, old or in the future.
 

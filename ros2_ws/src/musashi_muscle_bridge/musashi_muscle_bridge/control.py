@@ -4,29 +4,27 @@ The bridge node runs it against a bus, the headless closed loop against emulated
 """
 
 from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
+from fastswing_planner.board_groups import whole_robot
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.robot import Robot
-from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits, Setpoints
-from musashi_muscle_bridge.errors import FrameError
+from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits
+from musashi_muscle_bridge.board_group import GroupControl
 from musashi_muscle_bridge.protocol import (
-    COMMAND_ROW,
+    JOINT_ROW,
+    STATE_ROW,
     CommandFrame,
-    Fault,
     Mode,
-    Rows,
     StateFrame,
     WatchdogAction,
 )
 
-_CLEAR_FRAMES = 3
-_CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
 _MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond
-_NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
 
 
 def length_range(model: MuscleModel, count: int = 400) -> tuple[Vector, Vector]:
@@ -66,8 +64,29 @@ def command_limits(
     )
 
 
+def slack(state: StateFrame) -> BoolVector:
+    """Return which boards follow a tension and measure none, shape (m,)."""
+    followed = state.rows["mode"] == Mode.TENSION
+    return np.asarray(followed & (state.rows["tension"] <= 0.0))
+
+
+class ControlReport(NamedTuple):
+    """What is latched and overridden in one control period; vectors of shape (m,)."""
+
+    emergency: bool
+    overridden: BoolVector
+    latched: BoolVector
+    rebooted: BoolVector
+    lost: BoolVector
+    clamped: int
+
+
 class ControlPeriod:
-    """Turns each state of the boards into their next command."""
+    """Turns the newest states of all groups of boards into their next commands.
+
+    groups     in the order of the robot's `board_groups`
+    read_only  ask for the states, command nothing
+    """
 
     def __init__(
         self,
@@ -76,133 +95,117 @@ class ControlPeriod:
         watchdog_action: WatchdogAction,
         watchdog_timeout: float,
         session: int = 0,
+        read_only: bool = False,
     ) -> None:
         """watchdog_timeout [s] and action are what the boards do when frames stop.
 
         session  0 to 2**32 - 1; boards tell one bridge from another by it
         """
-        self._robot = robot
         self.arbiter = CommandArbiter(robot.model.muscle_names, limits)
-        self._watchdog_action = watchdog_action
-        self._watchdog_timeout = watchdog_timeout
-        self._ids: Sequence[int] = range(len(robot.model.muscle_names))
-        self._nothing = np.zeros(len(self._ids), dtype=bool)
-        self._healthy = bytes([_NO_FAULT] * len(self._ids))
-        self._rows = np.zeros(len(self._ids), dtype=COMMAND_ROW)
-        self._rows["id"] = self._ids
-        self._rows["tension_limit"] = robot.tension_limit
-        self._rows["current_limit"] = robot.current_limit
+        self.groups = tuple(
+            GroupControl(robot, group, watchdog_action, watchdog_timeout, session)
+            for group in robot.board_groups
+        )
         self.session = session
-        self._setpoints: Setpoints | None = None  # those that stand in the rows
-        self._frozen_rows: Rows | None = None  # a copy of the rows as they are now
-        self._sequence = 0
-        self._clear_frames = 0
-        self._cleared_from: int | None = None  # the first frame that asked to clear
-        self._clear_until: float | None = None  # [s]
-        self._answered: int | None = None
-        self._answered_at = -np.inf
-        self._boots = b""
-        self._rebooted = np.zeros(len(self._ids), dtype=bool)
+        self.read_only = read_only
+        self._keeps_lost = watchdog_action is WatchdogAction.HOLD_LENGTH
+        self._muscle_count = len(robot.model.muscle_names)
+        self._joint_count = len(robot.model.joint_names)
+        whole = whole_robot(self._muscle_count, self._joint_count)
+        self._one_in_order = robot.board_groups == whole
 
     @property
     def rebooted(self) -> BoolVector:
         """Muscles whose boards started again since faults were last cleared, shape (m,)."""
-        return self._rebooted.copy()
+        return self._whole([group.rebooted for group in self.groups])
+
+    @property
+    def lost(self) -> BoolVector:
+        """Muscles whose group fell silent since faults were last cleared, shape (m,)."""
+        return self._whole([np.full(group.muscles.size, group.lost) for group in self.groups])
 
     def clear_faults(self) -> None:
         """Clear the boards' faults and the emergency stop; the muscles then hold."""
-        self._clear_frames = _CLEAR_FRAMES
-        self._cleared_from = (self._sequence + 1) % 2**32
-        self._clear_until = None
-        self._rebooted[:] = False
+        for group in self.groups:
+            group.clear_faults()
         self.arbiter.clear_faults()
 
+    def report(self, now: float) -> ControlReport:
+        """Return a copy of what the diagnostics tell."""
+        arbiter = self.arbiter
+        return ControlReport(
+            arbiter.emergency,
+            arbiter.overridden(now),
+            arbiter.latched,
+            self.rebooted,
+            self.lost,
+            arbiter.clamped,
+        )
+
+    # The robot with one group of boards.
+
     def check(self, state: StateFrame) -> None:
-        """Raise FrameError unless `state` is one of this robot."""
-        if len(state.rows) != len(self._ids) or not np.array_equal(state.rows["id"], self._ids):
-            raise FrameError(
-                f"the boards answer for muscles {state.rows['id'].tolist()}, expected 0 to "
-                f"{len(self._ids) - 1}: do robot_description and boards belong together?"
-            )
-        for field in ("length", "velocity", "tension"):
-            if not np.isfinite(state.rows[field]).all():
-                raise FrameError(f"the boards report a {field} that is not finite")
-        joints = len(self._robot.model.joint_names)
-        if len(state.joints) != joints:
-            raise FrameError(f"the boards measure {len(state.joints)} joints, expected {joints}")
+        """Raise FrameError unless `state` is one of this robot with a single group."""
+        self.groups[0].check(state)
 
     def first_command(self) -> CommandFrame:
-        """Return a command that moves nothing and asks for the state."""
-        self._rows["mode"] = Mode.ZERO_CURRENT
-        self._rows["setpoint"] = 0.0
-        self._setpoints = self._frozen_rows = None
-        return self._frame()
+        """Return a command to the first group that moves nothing and asks for the state."""
+        return self.groups[0].first_command()
 
     def next_command(self, state: StateFrame, now: float) -> CommandFrame:
         """Return the command that follows `state`, at the monotonic time `now` [s]."""
-        self._notice_outage(state.sequence, now)
-        if self._answers_before_clearing(state.sequence, now):
-            faulty = self._nothing
-        else:
-            fault = state.rows["fault"]
-            healthy = fault.tobytes() == self._healthy
-            faulty = self._nothing if healthy else fault != _NO_FAULT
-        faulty = self._with_reboots(faulty, state.rows["boots"])
+        return self.next_commands((state,), now)[0]
+
+    # All groups.
+
+    def next_commands(self, states: Sequence[StateFrame | None], now: float) -> list[CommandFrame]:
+        """Return a command for each group, from its newest state; None: it never answered.
+
+        Nothing is energised before every group has answered.
+        """
+        if self.read_only:
+            return [group.question() for group in self.groups]
+        known = [state for state in states if state is not None]
+        if len(known) < len(states):
+            return [group.first_command() for group in self.groups]
+        faulty = self._whole(
+            [group.faulty(state, now) for group, state in zip(self.groups, known, strict=True)]
+        )
+        for group in self.groups:
+            if group.back:
+                # Meanwhile the arm may have moved: hold it where it is, forget the commands.
+                self.arbiter.hold(group.muscles)
+        if any(group.lost for group in self.groups):
+            # Do with a lost group what its watchdog does, whichever direction was cut.
+            if self._keeps_lost:
+                self.arbiter.keep(self.lost)
+            else:
+                faulty = faulty | self.lost
         setpoints = self.arbiter.update(
             now,
-            state.rows["length"],
-            state.rows["tension"],
+            self._whole([state.rows["length"] for state in known]),
+            self._whole([state.rows["tension"] for state in known]),
             faulty,
         )
-        if setpoints is not self._setpoints:
-            self._setpoints = setpoints
-            self._frozen_rows = None
-            self._rows["mode"] = setpoints.mode
-            self._rows["setpoint"] = setpoints.value
-        return self._frame()
+        return [group.command(setpoints) for group in self.groups]
 
-    def _notice_outage(self, sequence: int, now: float) -> None:
-        """After an outage the arm may be anywhere: hold it there, forget the commands."""
-        if sequence == self._answered:
-            return
-        if self._answered is not None and now - self._answered_at > self._watchdog_timeout:
-            self.arbiter.hold()
-        self._answered = sequence
-        self._answered_at = now
+    def merged(self, states: Sequence[StateFrame]) -> StateFrame:
+        """Return the state of the whole robot, rows and joints in the robot's order."""
+        if self._one_in_order:
+            return states[0]
+        rows = np.zeros(self._muscle_count, dtype=STATE_ROW)
+        joints = np.zeros(self._joint_count, dtype=JOINT_ROW)
+        for group, state in zip(self.groups, states, strict=True):
+            rows[group.muscles] = state.rows
+            joints[group.joints] = state.joints
+        rows["id"] = np.arange(self._muscle_count)
+        return StateFrame(max(state.sequence for state in states), rows, joints, self.session)
 
-    def _with_reboots(self, faulty: BoolVector, boots: NDArray[np.uint16]) -> BoolVector:
-        """Add boards that started again: they forgot their faults, and perhaps their length."""
-        before, self._boots = self._boots, boots.tobytes()
-        if self._boots == before or not before:
-            return faulty
-        rebooted = boots != np.frombuffer(before, boots.dtype)
-        self._rebooted |= rebooted
-        return faulty | rebooted
-
-    def _answers_before_clearing(self, sequence: int, now: float) -> bool:
-        """Whether a state is older than the request to clear faults, so still shows them."""
-        if self._cleared_from is None:
-            return False
-        older = (sequence - self._cleared_from) % 2**32 >= 2**31
-        if self._clear_until is None:
-            self._clear_until = now + _CLEAR_SEC
-        if older and now < self._clear_until:
-            self._clear_frames = max(self._clear_frames, 1)
-        if not older and not self._clear_frames:
-            self._cleared_from = None
-        return older or self._clear_frames > 0
-
-    def _frame(self) -> CommandFrame:
-        self._sequence = (self._sequence + 1) % 2**32
-        clear = self._clear_frames > 0
-        self._clear_frames = max(self._clear_frames - 1, 0)
-        if self._frozen_rows is None:
-            self._frozen_rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)
-        return CommandFrame(
-            self._sequence,
-            self._frozen_rows,
-            self._watchdog_action,
-            self._watchdog_timeout,
-            clear,
-            self.session,
-        )
+    def _whole(self, parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+        """Put vectors of the groups, shapes (k,), into the robot's order, shape (m,)."""
+        if self._one_in_order:
+            return parts[0]
+        whole = np.zeros(self._muscle_count, dtype=parts[0].dtype)
+        for group, part in zip(self.groups, parts, strict=True):
+            whole[group.muscles] = part
+        return whole

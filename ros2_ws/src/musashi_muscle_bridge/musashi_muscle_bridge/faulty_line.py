@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-_MAX_UNDERWAY = 256  # frames; more are lost
+_MAX_UNDERWAY = 4096  # frames: 2 kHz for the longest latency and jitter; more are lost
 
 Address = TypeVar("Address")
 
@@ -15,7 +15,7 @@ class LineFaults:
     """What a frame suffers on its way.
 
     latency     [s] of every frame
-    jitter      [s] at most this much more, evenly distributed; frames do not overtake
+    jitter      [s] at most this much more; a frame waits for the one before it
     loss        share of frames that are lost, 0 to 1
     corruption  share of frames with one flipped bit, 0 to 1
     """

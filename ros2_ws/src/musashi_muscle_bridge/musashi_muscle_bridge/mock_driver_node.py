@@ -4,7 +4,8 @@ import secrets
 import threading
 import time
 import traceback
-from collections.abc import Hashable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,15 +18,16 @@ from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.board_log import BoardLog
-from musashi_muscle_bridge.bus import open_board_port
+from musashi_muscle_bridge.bus import group_urls, open_all, open_board_port
 from musashi_muscle_bridge.bus_parameters import BUS_URL
-from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
+from musashi_muscle_bridge.emulated_bus import EmulatedBus
 from musashi_muscle_bridge.injected_faults import (
     ARM_FAULTS,
     ArmFaults,
     FaultyBoards,
     chosen_muscles,
 )
+from musashi_muscle_bridge.protocol import CommandFrame
 
 _IDLE_SEC = 0.002
 # After a stall of this machine the plant catches up in slices, taking the frames that waited
@@ -33,6 +35,7 @@ _IDLE_SEC = 0.002
 _SLICE_SEC = 0.01
 _MAX_BACKLOG_SEC = 0.2
 _MAX_FRAMES_AT_ONCE = 64
+_LINE_FAULTS = ("latency", "jitter", "loss", "corruption")
 
 
 def _line_fault(name: str, description: str, unit: str = "") -> Parameter:
@@ -47,7 +50,7 @@ TABLE = (
     ROBOT_DESCRIPTION,
     BUS_URL,
     _line_fault("latency", "Delay of each answer.", "s"),
-    _line_fault("jitter", "At most this much more delay, evenly distributed.", "s"),
+    _line_fault("jitter", "At most this much more delay; frames do not overtake.", "s"),
     _line_fault("loss", "Share of frames that are lost, on the way there and on the way back."),
     _line_fault("corruption", "Share of frames with a flipped bit, there and back."),
     _arm_fault("stuck_encoder", "the encoder shows what it showed last."),
@@ -77,16 +80,19 @@ class MockDriverNode(ManagedNode):
         """Build the arm."""
         robot = load_robot(resolve_path(parameters["robot_description"]))
         self._names = robot.model.muscle_names
-        self._url: str = parameters["bus_url"]
         self._log_path: str = parameters["board_log"]
+        self._urls = group_urls(parameters["bus_url"], len(robot.board_groups))
         try:
             self._boards = FaultyBoards(robot)
         except RobotDescriptionError as error:
             raise RobotDescriptionError(f"{robot.path}: {error}") from error
         # Boards without memory draw a number at each start.
-        self._link = BoardLink(self._boards, secrets.randbits(16))
-        self._commands: FaultyLine[Hashable] = FaultyLine(parameters["seed"])
-        self._answers: FaultyLine[Hashable] = FaultyLine(parameters["seed"] + 1)
+        self._buses = [
+            EmulatedBus(
+                BoardLink(self._boards, secrets.randbits(16), group), parameters["seed"] + 2 * group
+            )
+            for group in range(len(self._urls))
+        ]
         self.parameters_changed(parameters)
 
     def judge_parameter(self, name: str, value: Any) -> None:
@@ -99,27 +105,36 @@ class MockDriverNode(ManagedNode):
         self._next_faults = ArmFaults(
             **{name: chosen_muscles(name, parameters[name], self._names) for name in ARM_FAULTS}
         )
-        loss, corruption = parameters["loss"], parameters["corruption"]
-        self._commands.faults = LineFaults(0.0, 0.0, loss, corruption)
-        self._answers.faults = LineFaults(
-            parameters["latency"], parameters["jitter"], loss, corruption
-        )
+        for bus in self._buses:
+            bus.set_faults(*(parameters[name] for name in _LINE_FAULTS))
 
     def activate(self) -> None:
-        """Open the port and let time pass."""
+        """Open the ports and let time pass."""
         self._log = BoardLog(self._log_path) if self._log_path else None
-        self._port = open_board_port(self._url)
+        ports = open_all(open_board_port, self._urls)
+        for bus, port in zip(self._buses, ports, strict=True):
+            bus.port = port
+            bus.on_command = self._on_command(self._buses.index(bus))
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
         self._thread.start()
 
     def deactivate(self) -> None:
-        """Stop time and close the port."""
+        """Stop time and close the ports."""
         self._stop.set()
         self._thread.join()
-        self._port.close()
+        for bus in self._buses:
+            if bus.port is not None:
+                bus.port.close()
         if self._log is not None:
             self._log.close()
+
+    def _on_command(self, group: int) -> Callable[[float, CommandFrame], None] | None:
+        """Return what is done with each command that a group of boards takes; None: nothing."""
+        log, boards = self._log, self._boards
+        if log is None:
+            return None
+        return lambda now, command: log.command(now, group, command, boards)
 
     def _run(self) -> None:
         try:
@@ -143,48 +158,52 @@ class MockDriverNode(ManagedNode):
 
     def _listen(self, count: int, patience: float) -> None:
         """Take the frames that wait, so that none grows old behind the plant."""
-        patience = min(patience, max(self._answers.due() - time.monotonic(), 0.0))
-        for _ in range(count):
-            received = self._port.receive(patience)
-            if received is None:
-                return
-            self._commands.put(received.frame, received.sender, time.monotonic())
-            patience = 0.0
+        due = min(bus.answers.due() for bus in self._buses)
+        patience = min(patience, max(due - time.monotonic(), 0.0)) / len(self._buses)
+        for bus in self._buses:
+            for attempt in range(count):
+                if not bus.receive(0.0 if attempt else patience, time.monotonic()):
+                    break
 
     def _pass(self, elapsed: float) -> None:
         faults, self._next_faults = self._next_faults, None
         if faults is not None:
             self._boards.inject(faults)
-        self._link.advance(elapsed)
+        for bus in self._buses:
+            bus.link.wait(elapsed)
+        self._boards.advance(elapsed)
         if self._log is not None:
             self._log.changes(time.monotonic(), self._boards)
 
     def _exchange(self, now: float) -> None:
-        for frame, sender in self._commands.take(now):
-            answer = self._link.answer(frame, sender)
-            if answer is not None:
-                if self._log is not None and self._link.command is not None:
-                    self._log.command(now, self._link.command, self._boards)
-                self._answers.put(answer, sender, now)
-        for answer, sender in self._answers.take(now):
-            self._port.send(answer, sender)
+        for bus in self._buses:
+            bus.exchange(now)
 
     def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
         """Report frames, faults and lost time."""
         if not self.is_active:
             return DiagnosticStatus.OK, "inactive", {}
         values: dict[str, object] = {
-            "frames": self._link.frames,
-            **{f"refused_{reason}": count for reason, count in self._link.refused.items()},
-            **{f"bus_{reason}": count for reason, count in self._port.dropped.items()},
-            "lost_on_purpose": self._commands.lost + self._answers.lost,
-            "corrupted_on_purpose": self._commands.corrupted + self._answers.corrupted,
+            "frames": sum(bus.link.frames for bus in self._buses),
+            **_total("refused", [bus.link.refused for bus in self._buses]),
+            **_total("bus", [bus.port.dropped for bus in self._buses if bus.port is not None]),
+            "lost_on_purpose": sum(bus.lost for bus in self._buses),
+            "corrupted_on_purpose": sum(bus.corrupted for bus in self._buses),
             "skipped_seconds": round(self._skipped, 3),
             "faulty_boards": int(np.count_nonzero(self._boards.fault)),
         }
         if not self._thread.is_alive():
             return DiagnosticStatus.ERROR, "the boards stopped, see the log", values
         return DiagnosticStatus.OK, "ok", values
+
+
+def _total(prefix: str, counts: Iterable[Mapping[str, int]]) -> Counter[str]:
+    """Add up the counts of all buses, by reason."""
+    total: Counter[str] = Counter()
+    for one in counts:
+        # `update` keeps zeros, where `+` drops them.
+        total.update({f"{prefix}_{reason}": count for reason, count in one.items()})
+    return total
 
 
 def main() -> int:

@@ -58,7 +58,7 @@ class Plant:
         self._max_pull = robot.current_limit * self._constants.force_per_current
         self.time_step = float(self._mjcf.opt.timestep)
         self._ramp_gain = robot.limits.acceleration * self.time_step  # [m/s]
-        self._data.qpos[self._qpos] = robot.postures["home"]
+        self._data.qpos[:] = robot.model.full_position(robot.postures["home"])
         mujoco.mj_forward(self._mjcf, self._data)
         # Views of MuJoCo's memory: looked up once, read and written in every step.
         self._path_length = self._data.ten_length
@@ -115,16 +115,6 @@ class Plant:
     def housing_temperature(self) -> Vector:
         """Temperatures of the motors' housings [degC], shape (m,)."""
         return self._heat.housing
-
-    @property
-    def winding_temperature(self) -> Vector:
-        """Temperatures of the motors' windings [degC], shape (m,); no sensor is there."""
-        return self._heat.winding
-
-    @property
-    def mujoco_position(self) -> Vector:
-        """All of MuJoCo's joint positions `qpos`, without noise: for pictures."""
-        return frozen(self._position)
 
     def step(self, drive: Drive) -> None:
         """Advance by `time_step`."""
@@ -207,8 +197,17 @@ class Plant:
 
 
 def arm_mjcf(robot: Robot) -> mujoco.MjModel:
-    """Compile the arm without actuators of its own: its muscles are the plant's winches."""
-    mjcf = load_mjcf(robot.mjcf)
+    """Compile the arm without actuators of its own: its muscles are the plant's winches.
+
+    Joints that the robot's description leaves out are locked where the planner has them.
+    """
+    spec = mujoco.MjSpec.from_file(str(robot.mjcf))
+    zero = load_mjcf(robot.mjcf)
+    for name, position in robot.model.held_joints().items():
+        lock = spec.add_equality(type=mujoco.mjtEq.mjEQ_JOINT, name1=name)
+        # q - q0 = data[0]  (MuJoCo's XML reference, equality/joint)
+        lock.data[:5] = [position - float(zero.joint(name).qpos0[0]), 0.0, 0.0, 0.0, 0.0]
+    mjcf = spec.compile()
     mjcf.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
     if not (mjcf.geom_contype.any() and mjcf.geom_conaffinity.any()) and not mjcf.npair:
         # Nothing can touch: do not look for contacts.

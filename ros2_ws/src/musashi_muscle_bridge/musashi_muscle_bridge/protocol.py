@@ -124,6 +124,7 @@ class CommandFrame:
         except ValueError as error:
             raise FrameError(f"unknown watchdog action {action}") from error
         rows = np.frombuffer(body, COMMAND_ROW, muscles, _COMMAND_HEADER.size)
+        _refuse_nonsense(rows)
         timeout, clear = timeout_ms / 1000.0, bool(flags & 1)
         return CommandFrame(sequence, rows, watchdog_action, timeout, clear, session)
 
@@ -161,6 +162,22 @@ class StateFrame:
             np.frombuffer(body, JOINT_ROW, joints, split),
             session,
         )
+
+
+def _refuse_nonsense(rows: Rows) -> None:
+    """Raise FrameError for an unknown mode, or numbers that no board can obey."""
+    unknown = rows["mode"] > max(Mode)
+    if unknown.any():
+        row = rows[unknown][0]
+        raise FrameError(f"unknown mode {row['mode']} for muscle {row['id']}")
+    for field in ("setpoint", "tension_limit", "current_limit"):
+        values = rows[field]
+        wrong = ~np.isfinite(values)
+        if field != "setpoint":
+            wrong |= values < 0.0
+        if wrong.any():
+            row = rows[wrong][0]
+            raise FrameError(f"{field} {row[field]:g} for muscle {row['id']} makes no sense")
 
 
 def is_newer(sequence: int, than: int) -> bool:

@@ -5,8 +5,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
@@ -69,10 +67,11 @@ def _arguments() -> argparse.Namespace:
         "--slowdown", type=float, default=1.0, help="how many times slower the video runs"
     )
     arguments = parser.parse_args()
-    for name in ("rate", "slowdown"):
+    # Slower than the boards' watchdog of 0.1 s there is no swing.
+    for name, low, high in (("rate", 50.0, 10_000.0), ("slowdown", 0.01, 100.0)):
         value = getattr(arguments, name)
-        if not (np.isfinite(value) and value > 0.0):
-            parser.error(f"--{name} is {value}, expected a positive number")
+        if not low <= value <= high:
+            parser.error(f"--{name} is {value}, expected {low:g} to {high:g}")
     return arguments
 
 

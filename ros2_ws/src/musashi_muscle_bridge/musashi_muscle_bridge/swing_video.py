@@ -43,7 +43,7 @@ class Camera:
         visual.offwidth, visual.offheight = width, height
         self._size = width, height
         self._data = mujoco.MjData(self._mjcf)
-        self._joints = robot.model.joint_names
+        self._model = robot.model
         self._gl = _offscreen_context(width, height)
         self._gl.make_current()
         self._context = mujoco.MjrContext(self._mjcf, mujoco.mjtFontScale.mjFONTSCALE_100)
@@ -57,8 +57,7 @@ class Camera:
 
     def picture(self, joint_position: Vector) -> Picture:
         """Return the arm in a posture [rad], shape (n,), as shape (height, width, 3)."""
-        for name, angle in zip(self._joints, joint_position, strict=True):
-            self._data.joint(name).qpos = angle
+        self._data.qpos[:] = self._model.full_position(joint_position)
         mujoco.mj_forward(self._mjcf, self._data)
         self._gl.make_current()
         mujoco.mjv_updateScene(

@@ -38,6 +38,8 @@ def _resolved(url: str) -> _Address:
 
 def _route(url: str, address: _Address) -> str:
     """Return this machine's address on the way to another one."""
+    if address[0] == "0.0.0.0":
+        raise BusError(f"bus_url '{url}': 0.0.0.0 is no address of boards; write theirs")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(address)

@@ -6,7 +6,6 @@ import os
 import sys
 import time
 from collections.abc import Mapping
-from typing import Any
 
 import mujoco
 
@@ -46,16 +45,12 @@ def show(robot: Robot, methods: list[Method]) -> None:
                 for index in chosen:
                     if not window.is_running():
                         return
-                    _pose(data, robot, samples[index].state.joints["position"])
+                    position = samples[index].state.joints["position"].astype(float)
+                    data.qpos[:] = robot.model.full_position(position)
                     mujoco.mj_forward(mjcf, data)
                     window.sync()
                     time.sleep(0.02)
                 time.sleep(_PAUSE_SEC)
-
-
-def _pose(data: mujoco.MjData, robot: Robot, position: Any) -> None:
-    for name, angle in zip(robot.model.joint_names, position, strict=True):
-        data.joint(name).qpos = float(angle)
 
 
 def main() -> int:

@@ -58,3 +58,19 @@ def hoist(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     (folder / "hoist.xml").write_text(HOIST_MJCF)
     (folder / "hoist.yaml").write_text(HOIST_YAML)
     return load_robot(folder / "hoist.yaml")
+
+
+@pytest.fixture(scope="session")
+def crane(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """Build the hoist with a hook that sways, which the description leaves out, in a keyframe."""
+    folder = tmp_path_factory.mktemp("crane")
+    swaying = (
+        '<body name="block"><joint name="sway" axis="0 1 0"/>'
+        '<geom size="0.02" pos="0 0 -0.1" mass="0.5" contype="0" conaffinity="0"/></body></body>'
+    )
+    mjcf = HOIST_MJCF.replace("</body>", swaying).replace(
+        "</mujoco>", '<keyframe><key name="swung" qpos="0 0.4"/></keyframe></mujoco>'
+    )
+    (folder / "hoist.xml").write_text(mjcf)
+    (folder / "hoist.yaml").write_text(HOIST_YAML + "keyframe: swung\n")
+    return load_robot(folder / "hoist.yaml")

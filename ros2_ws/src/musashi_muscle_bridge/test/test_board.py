@@ -287,3 +287,21 @@ def test_over_tension_returns_at_once_while_its_cause_persists(boards: Boards) -
     tight = frame(LENGTHS, (1.0, 1.2), tension_limit=5.0, clear=True)
     run(boards, tight, 0.02)
     assert fault_of(boards)[UP] == Fault.OVER_TENSION
+
+
+def test_a_watchdog_that_holds_gives_no_current_to_motors_that_were_told_to_have_none(
+    boards: Boards,
+) -> None:
+    idle = frame((Mode.ZERO_CURRENT,) * 2, (0.0, 0.0), action=WatchdogAction.HOLD_LENGTH)
+    run(boards, idle, 0.05)
+    boards.advance(2.0 * TIMEOUT)
+    assert fault_of(boards) == [Fault.WATCHDOG] * 2
+    assert mode_of(boards) == [Mode.ZERO_CURRENT] * 2
+
+
+def test_tension_above_the_limit_pays_out_in_current_mode_too(boards: Boards) -> None:
+    pulling = frame((Mode.CURRENT, Mode.LENGTH), (6.0, 1.2), tension_limit=WEIGHT / 2.0)
+    before = float(boards.plant.length[UP])
+    run(boards, pulling, 0.02)
+    assert float(boards.plant.velocity[UP]) > 0.0
+    assert float(boards.plant.length[UP]) > before

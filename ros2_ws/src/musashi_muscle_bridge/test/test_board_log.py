@@ -51,9 +51,9 @@ def test_a_command_is_noted_with_time_setpoints_and_limit(
     log: BoardLog, path: Path, boards: Boards, frame: CommandFrame
 ) -> None:
     boards.handle(frame)
-    log.command(4.25, frame, boards)
+    log.command(4.25, 0, frame, boards)
     ((*told, tension),) = lines(path, "command")
-    assert told == ["4.250000", "3", "7", "20", "12.50000,0.00000", "60.000", "20", "00"]
+    assert told == ["4.250000", "0", "3", "7", "20", "12.50000,0.00000", "60.000", "20", "00"]
     assert float(tension) >= 0.0
 
 

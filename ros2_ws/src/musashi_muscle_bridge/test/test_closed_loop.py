@@ -177,3 +177,25 @@ def test_elongated_muscles_are_slack_before_the_swing(swings: dict[Method, Swing
     assert elongated.any()
     settled = swing.during(Phase.SETTLE, "tension")[-1]
     assert (settled[elongated] < swing.robot.limits.tension_min[elongated]).all()
+
+
+def test_in_the_hybrid_what_is_paid_out_stays_driven(swings: dict[Method, Swing]) -> None:
+    swing = swings[Method.HYBRID]
+    limp = (swing.modes == Mode.ZERO_CURRENT).any(axis=0)
+    assert not limp[swing.plan.elongated].any()
+    assert limp[swing.plan.inhibited].all()
+
+
+def test_a_threshold_and_kept_muscles_of_the_request_hold_in_the_swing(musashi: Robot) -> None:
+    postures = musashi.postures
+    request = SwingRequest(
+        postures["start"], postures["end"], Method.INHIBIT, threshold=0.2, kept_muscles=["#10"]
+    )
+    planner = SwingPlanner(musashi.model, musashi.limits, ProxSuiteSolver())
+    loop = ClosedLoop(musashi, planner)
+    loop.run(planner.plan(request), ExecutionSettings(), request)
+    modes = np.array([s.state.rows["mode"] for s in loop.samples if s.phase is Phase.SWING])
+    limp = (modes == Mode.ZERO_CURRENT).any(axis=0)
+    assert [name for name, one in zip(musashi.model.muscle_names, limp, strict=True) if one] == [
+        "#9"
+    ]

@@ -7,7 +7,7 @@ import pytest
 
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range
+from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range, slack
 from musashi_muscle_bridge.errors import FrameError
 from musashi_muscle_bridge.protocol import (
     CommandFrame,
@@ -338,6 +338,51 @@ def test_boards_that_come_back_are_held_where_they_are(
     np.testing.assert_allclose(found, back.rows["length"])
 
 
+def test_boards_that_were_silent_stay_where_they_are_until_faults_are_cleared(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.31)
+    back = moved(state, 3, 0.1)
+    control.next_command(back, 10.4)
+    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([0.9, 0.9]), 10.4)
+    found = control.next_command(moved(state, 4, 0.1), 10.41).rows["setpoint"]
+    np.testing.assert_allclose(found, back.rows["length"])
+
+
+def test_boards_that_were_silent_follow_again_after_clearing(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.31)
+    control.next_command(moved(state, 3, 0.1), 10.4)
+    control.clear_faults()
+    control.arbiter.command(Mode.LENGTH, [0, 1], np.array([1.1, 1.1]), 10.4)
+    for period in range(4, 400):
+        command = control.next_command(moved(state, period, 0.1), 10.4 + PERIOD * period)
+    np.testing.assert_allclose(command.rows["setpoint"], [1.1, 1.1])
+    assert not control.lost.any()
+
+
+def test_silent_boards_get_no_current_where_that_is_the_watchdog_action(hoist: Robot) -> None:
+    limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+    control = ControlPeriod(hoist, limits, WatchdogAction.ZERO_CURRENT, 0.1)
+    state = Boards(hoist).state(1)
+    control.next_command(state, 10.0)
+    assert modes(control.next_command(state, 10.29)) == [Mode.LENGTH] * 2
+    assert modes(control.next_command(state, 10.31)) == [Mode.ZERO_CURRENT] * 2
+
+
+def test_a_silence_that_goes_on_is_latched_again_after_clearing(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    control.next_command(state, 10.0)
+    control.next_command(state, 10.31)
+    control.clear_faults()
+    control.next_command(state, 10.32)
+    assert control.lost.tolist() == [True, True]
+
+
 def test_a_missed_answer_is_no_outage(control: ControlPeriod, state: StateFrame) -> None:
     control.next_command(state, 10.0)
     control.next_command(state, 10.05)
@@ -357,3 +402,18 @@ def test_late_answers_from_before_a_clearing_do_not_latch_again(
             dataclasses.replace(late, sequence=period - 10), 10.0 + PERIOD * period
         )
     assert modes(command) == [Mode.LENGTH, Mode.LENGTH]
+
+
+# Slack.
+
+
+@pytest.mark.parametrize(
+    ("mode", "tension", "found"),
+    [(Mode.TENSION, 0.0, True), (Mode.TENSION, 5.0, False), (Mode.LENGTH, 0.0, False)],
+)
+def test_a_slack_wire_in_tension_mode_is_found(
+    state: StateFrame, mode: Mode, tension: float, found: bool
+) -> None:
+    rows = state.rows.copy()
+    rows["mode"], rows["tension"] = [mode, Mode.LENGTH], [tension, 20.0]
+    assert slack(dataclasses.replace(state, rows=rows)).tolist() == [found, False]

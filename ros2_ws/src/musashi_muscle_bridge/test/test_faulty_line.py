@@ -118,5 +118,5 @@ def test_frames_underway_do_not_pile_up() -> None:
     line.faults = LineFaults(latency=1.0)
     for _ in range(10_000):
         line.put(FRAME, "bridge", 0.0)
-    assert len(line.take(1.0)) == 256
-    assert line.lost == 10_000 - 256
+    assert len(line.take(1.0)) == 4096
+    assert line.lost == 10_000 - 4096

@@ -2,12 +2,13 @@
 
 import dataclasses
 
+import mujoco
 import numpy as np
 import pytest
 
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.robot import Robot
-from musashi_muscle_bridge.plant import Drive, Plant
+from musashi_muscle_bridge.plant import Drive, Plant, arm_mjcf
 from musashi_muscle_bridge.plant_constants import PlantConstants, plant_constants
 
 UP, DOWN = 0, 1
@@ -395,3 +396,12 @@ def test_two_plants_with_the_same_orders_agree_to_the_bit(hoist: Robot) -> None:
     run(second, lift(-0.1), 0.5)
     assert first.joint_position.tobytes() == second.joint_position.tobytes()
     assert first.tension.tobytes() == second.tension.tobytes()
+
+
+def test_a_joint_that_is_left_out_stays_where_the_planner_has_it(crane: Robot) -> None:
+    mjcf = arm_mjcf(crane)
+    data = mujoco.MjData(mjcf)
+    data.qpos[:] = crane.model.full_position(crane.postures["home"])
+    for _ in range(500):
+        mujoco.mj_step(mjcf, data)
+    assert float(data.joint("sway").qpos[0]) == pytest.approx(0.4, abs=0.01)

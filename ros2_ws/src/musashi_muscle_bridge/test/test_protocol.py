@@ -70,6 +70,17 @@ def resealed(frame: bytes, offset: int, value: int) -> bytes:
     return bytes(content) + struct.pack("<I", zlib.crc32(content))
 
 
+def obeyable(rows: np.ndarray) -> np.ndarray:
+    """Return command rows with known modes, finite numbers and limits that are not negative."""
+    rows = rows.copy()
+    rows["mode"] %= len(Mode)
+    for field in ("setpoint", "tension_limit", "current_limit"):
+        rows[field] = np.nan_to_num(rows[field])
+    for field in ("tension_limit", "current_limit"):
+        rows[field] = np.abs(rows[field])
+    return rows
+
+
 FRAMES = pytest.mark.parametrize(
     ("frame", "decode"),
     [
@@ -81,7 +92,13 @@ FRAMES = pytest.mark.parametrize(
 
 @given(
     st.builds(
-        CommandFrame, sequences, rows_of(COMMAND_ROW), actions, timeouts, st.booleans(), sequences
+        CommandFrame,
+        sequences,
+        rows_of(COMMAND_ROW).map(obeyable),
+        actions,
+        timeouts,
+        st.booleans(),
+        sequences,
     )
 )
 def test_a_command_frame_comes_back_as_it_was_sent(sent: CommandFrame) -> None:
@@ -250,3 +267,23 @@ def test_the_reference_page_gives_every_field_of_a_row_with_its_offset(row: np.d
     page = REFERENCE.read_text()
     for name, (_, offset, *_) in row.fields.items():
         assert f"| {offset} | `{name}` |" in page
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "text"),
+    [
+        ("mode", 4, "unknown mode 4 for muscle 7"),
+        ("setpoint", np.nan, "setpoint nan for muscle 7 makes no sense"),
+        ("setpoint", -np.inf, "setpoint -inf for muscle 7 makes no sense"),
+        ("tension_limit", np.nan, "tension_limit nan for muscle 7 makes no sense"),
+        ("tension_limit", -1.0, "tension_limit -1 for muscle 7 makes no sense"),
+        ("current_limit", np.inf, "current_limit inf for muscle 7 makes no sense"),
+    ],
+)
+def test_a_command_that_no_board_can_obey_is_refused(field: str, value: float, text: str) -> None:
+    command = golden_command()
+    rows = command.rows.copy()
+    rows["id"], rows[field] = 7, value
+    with pytest.raises(FrameError) as caught:
+        CommandFrame.decode(dataclasses.replace(command, rows=rows).encode())
+    assert str(caught.value) == text

@@ -1,0 +1,34 @@
+"""Requests that come too late: what they asked for may no longer be wanted."""
+
+from fastswing_planner.errors import StaleRequest
+from fastswing_planner.parameters import Parameter
+
+REQUEST_MAX_AGE = Parameter(
+    "request_max_age",
+    1.0,
+    "Older requests are refused: a network that was out delivers them late. The clocks of both "
+    "computers must agree within it.",
+    "s",
+    0.05,
+    60.0,
+)
+"""Parameter of every node that acts on requests with a stamp."""
+
+
+def check_request_stamp(what: str, stamp_ns: int, now_ns: int, max_age: float) -> None:
+    """Raise StaleRequest for a request whose stamp [ns] is zero, or far from `now_ns` [ns].
+
+    what     what the request is called in the error
+    max_age  [s] largest difference, also into the future: that clock says nothing about the age
+    """
+    if stamp_ns == 0:
+        raise StaleRequest(
+            f"the {what}'s stamp is zero: fill in when it was made, late ones are not carried out"
+        )
+    age = (now_ns - stamp_ns) * 1e-9
+    if age > max_age:
+        raise StaleRequest(f"the {what} is {age:.2f} s old, at most {max_age:g} s: send it again")
+    if age < -max_age:
+        raise StaleRequest(
+            f"the {what}'s stamp is {-age:.2f} s in the future: do the computers' clocks agree?"
+        )

@@ -1,0 +1,187 @@
+"""What the bridge knows of one group of boards, and tells it; without clock or I/O."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fastswing_planner.arrays import BoolVector
+from fastswing_planner.board_groups import BoardGroup
+from fastswing_planner.robot import Robot
+from musashi_muscle_bridge.arbiter import Setpoints
+from musashi_muscle_bridge.errors import FrameError
+from musashi_muscle_bridge.protocol import (
+    COMMAND_ROW,
+    CommandFrame,
+    Fault,
+    Mode,
+    Rows,
+    StateFrame,
+    WatchdogAction,
+)
+
+_CLEAR_FRAMES = 3
+_CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
+_LOST_TIMEOUTS = 3  # of the watchdog: a hiccup of the answers alone is no lost bus
+_NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
+_NO_ROWS = np.zeros(0, dtype=COMMAND_ROW)
+
+
+class GroupControl:
+    """Frames to one group of boards, and what its answers mean. Vectors have shape (k,).
+
+    muscles  index of the group's k muscles in the robot's order
+    joints   index of the joints that it measures
+    lost     it was silent for three times the watchdog timeout; latched until cleared
+    back     the newest answer is the first one after more than the watchdog timeout
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        group: BoardGroup,
+        watchdog_action: WatchdogAction,
+        watchdog_timeout: float,
+        session: int,
+    ) -> None:
+        """watchdog_timeout [s] and action are what the boards do when frames stop."""
+        self.muscles = np.array(group.muscles, dtype=np.intp)
+        self.joints = np.array(group.joints, dtype=np.intp)
+        self.session = session
+        self.lost = False
+        self.back = False
+        self._watchdog_action = watchdog_action
+        self._watchdog_timeout = watchdog_timeout
+        count = self.muscles.size
+        self._ids = range(count)
+        self._nothing = np.zeros(count, dtype=bool)
+        self._healthy = bytes([_NO_FAULT] * count)
+        self._rows = np.zeros(count, dtype=COMMAND_ROW)
+        self._rows["id"] = self._ids
+        self._rows["tension_limit"] = robot.tension_limit[self.muscles]
+        self._rows["current_limit"] = robot.current_limit[self.muscles]
+        self._setpoints: Setpoints | None = None  # those that stand in the rows
+        self._frozen_rows: Rows | None = None  # a copy of the rows as they are now
+        self._sequence = 0
+        self._clear_frames = 0
+        self._cleared_from: int | None = None  # the first frame that asked to clear
+        self._clear_until: float | None = None  # [s]
+        self._answered: int | None = None
+        self._answered_at = -np.inf
+        self._boots = b""
+        self._rebooted = np.zeros(count, dtype=bool)
+
+    @property
+    def rebooted(self) -> BoolVector:
+        """Boards that started again since faults were last cleared."""
+        return self._rebooted.copy()
+
+    def clear_faults(self) -> None:
+        """Ask the boards to clear their faults, until they answer it."""
+        self._clear_frames = _CLEAR_FRAMES
+        self._cleared_from = (self._sequence + 1) % 2**32
+        self._clear_until = None
+        self._rebooted[:] = False
+        self.lost = False
+
+    # Answers.
+
+    def check(self, state: StateFrame) -> None:
+        """Raise FrameError unless `state` is one of this group."""
+        if len(state.rows) != len(self._ids) or not np.array_equal(state.rows["id"], self._ids):
+            raise FrameError(
+                f"the boards answer for muscles {state.rows['id'].tolist()}, expected 0 to "
+                f"{len(self._ids) - 1}: do robot_description and boards belong together?"
+            )
+        for field in ("length", "velocity", "tension"):
+            if not np.isfinite(state.rows[field]).all():
+                raise FrameError(f"the boards report a {field} that is not finite")
+        joints = self.joints.size
+        if len(state.joints) != joints:
+            raise FrameError(f"the boards measure {len(state.joints)} joints, expected {joints}")
+
+    def faulty(self, state: StateFrame, now: float) -> BoolVector:
+        """Return whose boards report a fault or started again; `now` [s] is monotonic."""
+        self._notice_silence(state.sequence, now)
+        if self._answers_before_clearing(state.sequence, now):
+            faulty = self._nothing
+        else:
+            fault = state.rows["fault"]
+            healthy = fault.tobytes() == self._healthy
+            faulty = self._nothing if healthy else fault != _NO_FAULT
+        return self._with_reboots(faulty, state.rows["boots"])
+
+    def _notice_silence(self, sequence: int, now: float) -> None:
+        """Boards that hear nothing act by themselves; this is about those that are not heard."""
+        silence = 0.0 if self._answered is None else now - self._answered_at
+        self.lost |= silence > _LOST_TIMEOUTS * self._watchdog_timeout
+        self.back = silence > self._watchdog_timeout and sequence != self._answered
+        if sequence != self._answered:
+            self._answered = sequence
+            self._answered_at = now
+
+    def _with_reboots(self, faulty: BoolVector, boots: NDArray[np.uint16]) -> BoolVector:
+        """Add boards that started again: they forgot their faults, and perhaps their length."""
+        before, self._boots = self._boots, boots.tobytes()
+        if self._boots == before or not before:
+            return faulty
+        rebooted = boots != np.frombuffer(before, boots.dtype)
+        self._rebooted |= rebooted
+        return faulty | rebooted
+
+    def _answers_before_clearing(self, sequence: int, now: float) -> bool:
+        """Whether a state is older than the request to clear faults, so still shows them."""
+        if self._cleared_from is None:
+            return False
+        older = (sequence - self._cleared_from) % 2**32 >= 2**31
+        if self._clear_until is None:
+            self._clear_until = now + _CLEAR_SEC
+        if older and now < self._clear_until:
+            self._clear_frames = max(self._clear_frames, 1)
+        if not older and not self._clear_frames:
+            self._cleared_from = None
+        return older or self._clear_frames > 0
+
+    # Frames.
+
+    def question(self) -> CommandFrame:
+        """Return a frame that asks for the state and commands no board.
+
+        It has no rows, so the boards neither change anything nor feed their watchdog, and no
+        timeout, so a bridge that commands takes the boards over at once.
+        """
+        return CommandFrame(
+            self._next_sequence(), _NO_ROWS, WatchdogAction.ZERO_CURRENT, 0.0, False, self.session
+        )
+
+    def first_command(self) -> CommandFrame:
+        """Return a command that moves nothing and asks for the state."""
+        self._rows["mode"] = Mode.ZERO_CURRENT
+        self._rows["setpoint"] = 0.0
+        self._setpoints = self._frozen_rows = None
+        return self._frame()
+
+    def command(self, setpoints: Setpoints) -> CommandFrame:
+        """Return this group's share of the robot's setpoints."""
+        if setpoints is not self._setpoints:
+            self._setpoints = setpoints
+            self._frozen_rows = None
+            self._rows["mode"] = setpoints.mode[self.muscles]
+            self._rows["setpoint"] = setpoints.value[self.muscles]
+        return self._frame()
+
+    def _next_sequence(self) -> int:
+        self._sequence = (self._sequence + 1) % 2**32
+        return self._sequence
+
+    def _frame(self) -> CommandFrame:
+        clear = self._clear_frames > 0
+        self._clear_frames = max(self._clear_frames - 1, 0)
+        if self._frozen_rows is None:
+            self._frozen_rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)
+        return CommandFrame(
+            self._next_sequence(),
+            self._frozen_rows,
+            self._watchdog_action,
+            self._watchdog_timeout,
+            clear,
+            self.session,
+        )

@@ -1,0 +1,64 @@
+"""Rate, jitter and lateness of a loop, from the times at which its periods begin."""
+
+import math
+
+import pytest
+
+from musashi_muscle_bridge.loop_timing import LoopTiming
+
+PERIOD = 0.01
+
+
+def run(timing: LoopTiming, periods: list[float], start: float = 5.0) -> None:
+    now = start
+    timing.begin(now)
+    for period in periods:
+        now += period
+        timing.begin(now)
+
+
+def test_before_the_first_window_has_ended_nothing_is_told() -> None:
+    timing = LoopTiming(PERIOD)
+    run(timing, [PERIOD] * 50)
+    assert timing.latest.rate == 0.0
+
+
+def test_a_regular_loop_has_its_rate_and_no_jitter() -> None:
+    timing = LoopTiming(PERIOD)
+    run(timing, [PERIOD] * 101)
+    assert timing.latest.rate == pytest.approx(100.0)
+    assert timing.latest.jitter == pytest.approx(0.0, abs=1e-9)
+
+
+def test_jitter_is_the_deviation_of_the_periods() -> None:
+    timing = LoopTiming(PERIOD)
+    run(timing, [0.008, 0.012] * 51)
+    assert timing.latest.jitter == pytest.approx(0.002, rel=0.01)
+    assert timing.latest.longest == pytest.approx(0.012)
+
+
+@pytest.mark.parametrize(("period", "late"), [(0.0149, 0), (0.0151, 1)])
+def test_a_period_half_as_long_again_is_late(period: float, late: int) -> None:
+    timing = LoopTiming(PERIOD)
+    run(timing, [PERIOD, period, PERIOD])
+    assert timing.late == late
+
+
+def test_a_window_tells_the_mean_round_trip() -> None:
+    timing = LoopTiming(PERIOD)
+    timing.answered(0.001)
+    timing.answered(0.003)
+    run(timing, [PERIOD] * 101)
+    assert timing.latest.round_trip == pytest.approx(0.002)
+
+
+def test_a_window_without_an_answer_has_no_round_trip() -> None:
+    timing = LoopTiming(PERIOD)
+    run(timing, [PERIOD] * 101)
+    assert math.isnan(timing.latest.round_trip)
+
+
+def test_each_window_starts_anew() -> None:
+    timing = LoopTiming(PERIOD)
+    run(timing, [0.5, 0.6] + [PERIOD] * 101)
+    assert timing.latest.longest == pytest.approx(PERIOD)
