@@ -134,13 +134,23 @@ class BoardLines:
 
     # What is claimed of every row.
 
-    def frames_without_current(self, time: float) -> int:
-        """Return how many command frames after a time let go a muscle, in an unbroken row."""
+    def frames_without_current(self, time: float, period: float) -> int:
+        """Return how many command frames sent after a time let go a muscle, in an unbroken row.
+
+        Boards that were not scheduled take what waited all at once. The bridge sends at most one
+        frame each `period` [s], but for one that it catches up: so of frames that were taken too
+        near to each other, some were certainly sent before that time, and do not count.
+        """
+        lines = self.commands_since(time)
+        latest_sending = [line.time for line in lines]
+        for index in reversed(range(len(lines) - 1)):
+            limit = latest_sending[index + 1] - period
+            latest_sending[index] = min(latest_sending[index], limit)
         count = 0
-        for line in self.commands_since(time):
+        for line, sent in zip(lines, latest_sending, strict=True):
             if ZERO not in line.modes:
                 break
-            count += 1
+            count += sent + period >= time
         return count
 
     def silence_of_watchdog(self, time: float) -> float | None:

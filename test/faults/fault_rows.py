@@ -376,7 +376,7 @@ TIME_ROWS += [
         HOLD,
         make.no_clock,
         Safe.HELD,
-        [("bridge", "stamp is zero"), ("result", ".")],
+        [("result", "STALE_REQUEST")],
         [Step("set `use_sim_time` to false, or start the clock", make.real_time)],
         prepare=make.fresh_nodes,
     ),

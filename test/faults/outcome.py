@@ -13,6 +13,7 @@ from fault_rows import Row, Safe
 from musashi_muscle_bridge.control import command_limits
 
 ATTEMPTS = 8
+PERIOD_SEC = 0.002
 _STALLED = ("STALE_STATE", "FAULT_LATCHED", "joint states stopped", "PHASE_TIMEOUT")
 _ROUNDING = 2e-4  # of the wire's 32-bit numbers and of the log
 
@@ -176,7 +177,7 @@ def _judge(bench: Bench, outcome: Outcome, start: float) -> None:
     commands = lines.commands_since(start)
     outcome.result = "" if bench.swing is None else bench.swing.result
     outcome.notes = list(bench.notes)
-    outcome.frames_without_current = lines.frames_without_current(start)
+    outcome.frames_without_current = lines.frames_without_current(start, PERIOD_SEC)
     last_let_go = [line.time for line in commands if ZERO in line.modes][-1:]
     outcome.let_go_sec = last_let_go[0] - start if last_let_go else None
     outcome.silence = lines.silence_of_watchdog(start)
