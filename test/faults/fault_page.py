@@ -22,9 +22,9 @@ _LONGEST_TEXT = 110
 
 HEAD = """# What happens when something breaks
 
-Made by `make faults` (`test/faults/fault_page.py`) from a run of {date}: {attempts} faults through
-the executables, on {machine}. Do not edit it by hand. `make test` runs {quick} of the
-{rows} rows once.
+Made by `make faults` (`test/faults/fault_page.py`) from runs up to {date}: {attempts} faults,
+through the executables, on {machine}. Do not edit it by hand.
+`make test` runs {quick} of the {rows} rows once.
 
 All nodes run with their defaults, but `raise_speed` 2 rad/s to save time. Every time is taken
 where the truth is: in the log of the emulated boards (`board_log` of the mock driver), which notes
@@ -46,7 +46,7 @@ CLAIMS = """## What is claimed of all rows
 
 The first two are asserted in frames and in the boards' own time, not in seconds of the machine: a
 bridge that is not scheduled sends no frames, and boards that are not scheduled do not age. So they
-hold strictly, on a busy machine too. The milliseconds include the machine's stalls.
+hold on a busy machine too. The milliseconds include the machine's stalls.
 
 """
 
@@ -62,6 +62,10 @@ BESIDES = """## Besides
 - **After a fault the arm may hang where no muscles can hold it on its way to the start.** The next
   swing is then refused with HOLDING_INFEASIBLE. Support the arm, `emergency_stop`, let it hang,
   `clear_faults`, and swing again.
+- **An executor that stood still does not go on with its swing**: after SIGCONT it ends it.
+- **Boards that were not scheduled** take the frames that waited all at once. Which of them were
+  sent before the fault follows from the bridge's rate: it sends one frame each period, and catches
+  up one at most. Only frames that may have been sent after the fault count.
 - **Current commands are not tension commands**: 1e6 A is clamped to the robot's `current_limit`,
   which pulls more than `tension_max`; when the stream ends the muscle holds the length it has, and
   so the tension. The boards pay out above `tension_limit`.
