@@ -1,6 +1,6 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo view fit security test build setup lint clean
+.PHONY: help demo view fit faults soak security test build setup lint clean
 
 help:
 	@printf '%s\n' \
@@ -9,6 +9,8 @@ help:
 	  'make test      all tests; make test ARGS="-k ramp" for some of them' \
 	  'make lint      ruff, ruff format and mypy' \
 	  'make fit       fit arm and emulated winches to the paper again; results in out/fit' \
+	  'make faults    break everything, many times; writes docs/fault_matrix.md' \
+	  'make soak      swing for 30 minutes at 1 kHz; memory and rates in out/soak' \
 	  'make security  make keys for authenticated and encrypted ROS; results in keystore' \
 	  'make build     set up and build the workspace; the commands above do it by themselves' \
 	  'make clean     remove everything that these commands made, but no keystore' \
@@ -24,6 +26,12 @@ view: build
 fit: build
 	@scripts/ros_env python fit/kinematic_fit.py $(ARGS)
 	@scripts/ros_env python fit/plant_fit.py $(ARGS)
+
+faults: build
+	@scripts/ros_env python test/faults/run_matrix.py $(ARGS)
+
+soak: build
+	@scripts/ros_env python test/soak/soak.py $(ARGS)
 
 security: setup
 	@.venv/bin/python security/make_keystore.py $(ARGS)

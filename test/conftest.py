@@ -355,6 +355,17 @@ def world(tmp_path: Path) -> Iterator[Suite]:
 
 
 @pytest.fixture(scope="module")
+def new_suite(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
+    """No node yet, for a whole module; afterwards every node has ended with 0."""
+    suite = Suite(tmp_path_factory.mktemp("suite"))
+    try:
+        yield suite
+    finally:
+        codes = suite.close()
+    assert set(codes.values()) <= {0}, codes
+
+
+@pytest.fixture(scope="module")
 def bridge_and_mock(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
     """Start the bridge and the mock's boards and arm."""
     suite = Suite(tmp_path_factory.mktemp("bridge_and_mock"))

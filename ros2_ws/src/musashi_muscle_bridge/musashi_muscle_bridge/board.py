@@ -74,6 +74,7 @@ class Boards:
         self._tension_limit = np.array(robot.tension_limit)
         self._current_limit = np.array(robot.current_limit)
         self.fault = np.full(count, Fault.NONE, dtype=np.uint8)
+        self.silence_at_fault = np.zeros(count)  # [s] since the last command, when it latched
         self._velocity_limit = robot.limits.velocity
         self._holds_in_silence = np.zeros(count, dtype=bool)  # the watchdog action
         self._ahead = 0.0
@@ -81,6 +82,11 @@ class Boards:
         self._answer["id"] = self._ids
         self._joint_answer = np.zeros(self.plant.joint_position.size, dtype=JOINT_ROW)
         self._sort_modes()
+
+    @property
+    def mode(self) -> NDArray[np.uint8]:
+        """What each board does with its motor, shape (m,); see `protocol.Mode`."""
+        return self._mode
 
     def handle(self, command: CommandFrame, group: int = 0) -> StateFrame:
         """Take a command on one group's bus, and answer with what this group measured."""
@@ -168,6 +174,8 @@ class Boards:
             return
         for line in self._groups:
             line.obeyed = b""
+            failed = np.arange(which.size)[line.muscles][which[line.muscles]]
+            self.silence_at_fault[failed] = line.since_command
         self.fault[which] = fault
         # A motor that was told to be without current, by an emergency stop say, stays without.
         driven = self._mode != Mode.ZERO_CURRENT

@@ -20,6 +20,7 @@ class BoardLink:
     refused  frames that did not count, by reason: damaged, foreign (of another session or sender
              while one lasts), old (not newer than the one before)
     frames   frames that counted
+    command  the last of them; None before the first
     """
 
     def __init__(self, boards: Boards, boot: int = 0, group: int = 0) -> None:
@@ -32,6 +33,7 @@ class BoardLink:
         self._silence = 0.0
         self._patience = 0.0
         self.frames = 0
+        self.command: CommandFrame | None = None
         self.refused = {"damaged": 0, "foreign": 0, "old": 0}
 
     def advance(self, elapsed: float) -> None:
@@ -62,6 +64,7 @@ class BoardLink:
         self._silence = 0.0
         self._patience = command.watchdog_timeout
         self.frames += 1
+        self.command = command
         return self._state(command)
 
     def _objection(self, session: tuple[int, Hashable], sequence: int) -> str:

@@ -5,7 +5,7 @@ import threading
 import time
 import traceback
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.board_link import BoardLink
+from musashi_muscle_bridge.board_log import BoardLog
 from musashi_muscle_bridge.bus import group_urls, open_all, open_board_port
 from musashi_muscle_bridge.bus_parameters import BUS_URL
 from musashi_muscle_bridge.emulated_bus import EmulatedBus
@@ -26,6 +27,7 @@ from musashi_muscle_bridge.injected_faults import (
     FaultyBoards,
     chosen_muscles,
 )
+from musashi_muscle_bridge.protocol import CommandFrame
 
 _IDLE_SEC = 0.002
 # After a stall of this machine the plant catches up in slices, taking the frames that waited
@@ -56,6 +58,12 @@ TABLE = (
     _arm_fault("hot_motor", "the motor is beyond its temperature limit."),
     _arm_fault("broken_wire", "the wire pulls nothing."),
     Parameter("seed", 0, "Seed of jitter, loss and corruption.", "", 0, 2**31 - 1),
+    Parameter(
+        "board_log",
+        "",
+        "New file with every command frame and every change of the boards, with monotonic times; "
+        "empty: none.",
+    ),
 )
 
 
@@ -72,6 +80,7 @@ class MockDriverNode(ManagedNode):
         """Build the arm."""
         robot = load_robot(resolve_path(parameters["robot_description"]))
         self._names = robot.model.muscle_names
+        self._log_path: str = parameters["board_log"]
         self._urls = group_urls(parameters["bus_url"], len(robot.board_groups))
         try:
             self._boards = FaultyBoards(robot)
@@ -101,9 +110,11 @@ class MockDriverNode(ManagedNode):
 
     def activate(self) -> None:
         """Open the ports and let time pass."""
+        self._log = BoardLog(self._log_path) if self._log_path else None
         ports = open_all(open_board_port, self._urls)
         for bus, port in zip(self._buses, ports, strict=True):
             bus.port = port
+            bus.on_command = self._on_command(self._buses.index(bus))
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
         self._thread.start()
@@ -115,6 +126,15 @@ class MockDriverNode(ManagedNode):
         for bus in self._buses:
             if bus.port is not None:
                 bus.port.close()
+        if self._log is not None:
+            self._log.close()
+
+    def _on_command(self, group: int) -> Callable[[float, CommandFrame], None] | None:
+        """Return what is done with each command that a group of boards takes; None: nothing."""
+        log, boards = self._log, self._boards
+        if log is None:
+            return None
+        return lambda now, command: log.command(now, group, command, boards)
 
     def _run(self) -> None:
         try:
@@ -152,6 +172,8 @@ class MockDriverNode(ManagedNode):
         for bus in self._buses:
             bus.link.wait(elapsed)
         self._boards.advance(elapsed)
+        if self._log is not None:
+            self._log.changes(time.monotonic(), self._boards)
 
     def _exchange(self, now: float) -> None:
         for bus in self._buses:

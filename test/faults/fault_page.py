@@ -1,0 +1,240 @@
+"""Writes docs/fault_matrix.md from the results of `make faults`."""
+
+import json
+import os
+import platform
+import re
+import statistics
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2] / "demo")]
+
+from bench import HOLD  # noqa: E402
+from fault_rows import ROWS, Row, Safe  # noqa: E402
+
+Result = dict[str, Any]
+LEASE_MS, PERIOD_MS, WATCHDOG_MS = 50.0, 2.0, 100.0
+_LONGEST_TEXT = 110
+
+HEAD = """# What happens when something breaks
+
+Made by `make faults` (`test/faults/fault_page.py`) from runs up to {date}: {attempts} faults,
+through the executables, on {machine}. Do not edit it by hand.
+`make test` runs {quick} of the {rows} rows once.
+
+All nodes run with their defaults, but `raise_speed` 2 rad/s to save time. Every time is taken
+where the truth is: in the log of the emulated boards (`board_log` of the mock driver), which notes
+each command frame and each change of the boards with the monotonic clock. Time until safe counts
+from the injection: median / largest (runs). "Safe" is the row's own word:
+
+{safe}
+
+The phases are those of a swing by Method 1; in `swing` the fault comes while muscles are let go.
+{disturbed}
+
+"""
+
+CLAIMS = """## What is claimed of all rows
+
+| claim | measured |
+|---|---|
+{claims}
+
+The first two are asserted in frames and in the boards' own time, not in seconds of the machine: a
+bridge that is not scheduled sends no frames, and boards that are not scheduled do not age. So they
+hold on a busy machine too. The milliseconds include the machine's stalls.
+
+"""
+
+BESIDES = """## Besides
+
+- **Method 1's muscles come back bumplessly.** The zero current ends with the lease. From there the
+  commanded length moves from the measured one to the commanded one within the speed limit: that is
+  the difference between "no muscle is let go" and `held`.
+- **A swing whose inhibitor dies goes on** as a basic swing with the end posture commanded; its
+  result is SUCCESS. That the inhibitor is gone is only seen in `/diagnostics`.
+- **A stray joint state** that jumps ends the inhibition and the swing at once, one with NaN
+  is counted and ignored.
+- **After a fault the arm may hang where no muscles can hold it on its way to the start.** The next
+  swing is then refused with HOLDING_INFEASIBLE. Support the arm, `emergency_stop`, let it hang,
+  `clear_faults`, and swing again.
+- **An executor that stood still does not go on with its swing**: after SIGCONT it ends it.
+- **Boards that were not scheduled** take the frames that waited all at once. Which of them were
+  sent before the fault follows from the bridge's rate: it sends one frame each period, and catches
+  up one at most. Only frames that may have been sent after the fault count.
+- **Current commands are not tension commands**: 1e6 A is clamped to the robot's `current_limit`,
+  which pulls more than `tension_max`; when the stream ends the muscle holds the length it has, and
+  so the tension. The boards pay out above `tension_limit`.
+
+"""
+
+NOT_COVERED = """## What this does not show
+
+- Clock jumps are jumps of `/clock` with `use_sim_time`. A jump of the computer's own clock is not
+  tried (it would move every process of the machine). The nodes see both through the same ROS clock;
+  leases, time-outs and phases use the monotonic one.
+- DDS under a cut network: [multi_host.md](multi_host.md).
+- The boards are emulated. How a real board's watchdog acts is up to its firmware.
+- A muscle that is held with constant commanded length is safe for the arm's structure, not for a
+  hand between arm and table.
+"""
+
+
+def load(path: Path) -> dict[str, list[Result]]:
+    """Return the results of each row, by its name."""
+    results: dict[str, list[Result]] = {}
+    for line in path.read_text().splitlines():
+        result = json.loads(line)
+        results.setdefault(result["row"], []).append(result)
+    return results
+
+
+def milliseconds(values: Sequence[float]) -> str:
+    """Return median / largest (count) of times [s]."""
+    if not values:
+        return "–"
+    middle, most = statistics.median(values) * 1e3, max(values) * 1e3
+    return f"{middle:.0f} / {most:.0f} ms ({len(values)})"
+
+
+def _cell(text: str) -> str:
+    text = " ".join(text.split()).replace("|", "\\|")
+    return text if len(text) <= _LONGEST_TEXT else text[: _LONGEST_TEXT - 1] + "…"
+
+
+def seen_text(row: Row, results: Sequence[Result]) -> str:
+    """Return what an operator sees, as it was seen first."""
+    places = dict.fromkeys(place for place, _ in row.sees)
+    parts = []
+    for place in places:
+        text = _cell(results[0]["seen"][place])
+        if place.endswith(" silent"):
+            parts.append(f"`{place.split()[0]}` is missing in `/diagnostics`")
+        elif place == "result":
+            parts.append(f"swing: {text}")
+        elif place.endswith(" log"):
+            parts.append(f"log of `{place.split()[0]}`: {text}")
+        elif "." in place:
+            node, _, key = place.partition(".")
+            parts.append(f"`{node}`: {key} {text}")
+        else:
+            parts.append(f"`{place}`: {text}")
+    if row.phase != HOLD and "result" not in places:
+        outcome = sorted({result["result"] for result in results if result["result"]})
+        parts += [f"swing: {_cell(text)}" for text in outcome]
+    later = sorted(
+        {
+            result["result_after"]
+            for result in results
+            if result.get("result_after") and not result["result"]
+        }
+    )
+    parts += [f"after the recovery the swing ends: {_cell(text)}" for text in later]
+    if row.defect:
+        parts.append(f"**to be mended**: {row.defect}")
+    parts += [_cell(note) for note in results[0]["notes"]]
+    return "; ".join(parts) or "nothing"
+
+
+def merged(rows: Sequence[Row]) -> list[list[Row]]:
+    """Return rows that differ only in their phase together."""
+    groups: dict[tuple[object, ...], list[Row]] = {}
+    for row in rows:
+        key = row.fault, row.safe, tuple(step.text for step in row.recover), tuple(row.sees)
+        groups.setdefault(key, []).append(row)
+    return list(groups.values())
+
+
+def table_of(group: str, results: dict[str, list[Result]]) -> str:
+    """Return the table of one group of faults."""
+    lines = [
+        f"## {group}",
+        "",
+        "| fault | in phase | safe is | time until safe | the operator sees | recovery |",
+        "|---|---|---|---|---|---|",
+    ]
+    for rows in merged([row for row in ROWS if row.group == group and row.name in results]):
+        row = rows[0]
+        here = [result for one in rows for result in results[one.name]]
+        times = [result["safe_after"] for result in here if result["safe_after"] is not None]
+        recover = "; ".join(step.text for step in row.recover) or "nothing to do"
+        lines.append(
+            f"| {row.fault} | {', '.join(one.phase for one in rows)} | {row.safe.name.lower()} | "
+            f"{milliseconds(times)} | {seen_text(row, here)} | {recover} |"
+        )
+    return "\n".join(lines) + "\n"
+
+
+def claims(results: dict[str, list[Result]]) -> str:
+    """Return the table of what is claimed of all rows."""
+    everything = [result for several in results.values() for result in several]
+    of_inhibitor = [
+        result
+        for row in ROWS
+        if re.search("SIG.* of inhibitor", row.fault) and row.phase == "swing"
+        for result in results.get(row.name, [])
+    ]
+    frames = [result["frames_without_current"] for result in of_inhibitor]
+    times = [result["let_go_sec"] for result in of_inhibitor if result.get("let_go_sec")]
+    held = [result["safe_after"] for result in of_inhibitor]
+    watchdog = [
+        result for row in ROWS if row.safe is Safe.WATCHDOG for result in results.get(row.name, [])
+    ]
+    silence = [result["silence"] * 1e3 for result in watchdog]
+    after = [result["safe_after"] for result in watchdog]
+    beyond = sum(len(result["beyond_limits"]) for result in everything)
+    by_hand = sum(len(result["killed_by_hand"]) for result in everything)
+    peak = max(result["peak_tension"] for result in everything)
+    most = LEASE_MS / PERIOD_MS + 2
+    return "\n".join(
+        [
+            "| inhibitor killed or stopped in the swing: no muscle is let go longer than lease + "
+            f"two control periods, {LEASE_MS:g} + {2 * PERIOD_MS:g} ms or {most:g} frames | at "
+            f"most {max(frames)} frames in {len(frames)} runs; the last such frame after "
+            f"{milliseconds(times)}; back at constant lengths, bumplessly, after "
+            f"{milliseconds(held)} |",
+            "| bridge killed or stopped, bus dead: every board in its watchdog action within "
+            f"{WATCHDOG_MS:g} ms + one period | {min(silence):.1f} to {max(silence):.1f} ms of the "
+            f"boards' time in {len(silence)} runs; {milliseconds(after)} from the injection |",
+            f"| no command above a limit, tensions above all | {beyond} in {len(everything)} runs; "
+            f"largest tension measured {peak:.0f} N, the boards pay out above 450 N |",
+            f"| no node has to be killed by hand | {by_hand} in {len(everything)} runs |",
+        ]
+    )
+
+
+def page(results: dict[str, list[Result]], date: str) -> str:
+    """Return the whole page."""
+    everything = [result for several in results.values() for result in several]
+    stalls = sum(len(result["disturbed"]) for result in everything)
+    disturbed = (
+        f"{stalls} attempts in which the machine stalled and something else broke first (a swing "
+        "that ended before the phase was reached, the watchdog) were repeated."
+    )
+    machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores shared with others"
+    text = HEAD.format(
+        date=date,
+        attempts=len(everything),
+        machine=machine,
+        quick=sum(row.quick for row in ROWS),
+        rows=len(ROWS),
+        safe="\n".join(f"- `{safe.name.lower()}`: {safe.value}" for safe in Safe),
+        disturbed=disturbed,
+    )
+    text += CLAIMS.format(claims=claims(results))
+    for group in dict.fromkeys(row.group for row in ROWS):
+        text += table_of(group, results) + "\n"
+    missing = [f"{row.fault}, {row.phase}" for row in ROWS if row.name not in results]
+    if missing:
+        text += f"## Rows that this run did not reach\n\n{len(missing)}: {'; '.join(missing)}.\n\n"
+    return text + BESIDES + NOT_COVERED
+
+
+def write(results_file: Path, output: Path) -> None:
+    """Write the page."""
+    date = time.strftime("%Y-%m-%d", time.localtime(results_file.stat().st_mtime))
+    output.write_text(page(load(results_file), date))
