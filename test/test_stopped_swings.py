@@ -264,7 +264,7 @@ def test_the_preempting_swing_is_planned_and_raised_from_the_beginning(
 
 def test_a_preempting_swing_arrives(watched: Watched) -> None:
     wanted = ((ErrorCode.PREEMPTED, "another goal took its place; the arm was held"), (0, ""))
-    endings = []
+    endings: list[tuple[tuple[int, str], ...]] = []
     while wanted not in endings and len(endings) < ATTEMPTS:  # a stalling machine may stop a swing
         swings = run_until(watched, Phase.SWING), Running(watched.suite, preempt=True)
         results = [swing.result().result for swing in swings]
