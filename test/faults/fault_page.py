@@ -7,6 +7,7 @@ import re
 import statistics
 import sys
 import time
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ _LONGEST_TEXT = 110
 
 HEAD = """# What happens when something breaks
 
-Made by `make faults` (`test/faults/fault_page.py`) from runs up to {date}: {attempts} faults,
+Made by `make faults` (`test/faults/fault_page.py`) on {date}: {attempts} faults,
 through the executables, on {machine}. Do not edit it by hand.
 `make test` runs {quick} of the {rows} rows once.
 
@@ -55,8 +56,10 @@ BESIDES = """## Besides
 - **Method 1's muscles come back bumplessly.** The zero current ends with the lease. From there the
   commanded length moves from the measured one to the commanded one within the speed limit: that is
   the difference between "no muscle is let go" and `held`.
-- **A swing whose inhibitor dies goes on** as a basic swing with the end posture commanded; its
-  result is SUCCESS. That the inhibitor is gone is only seen in `/diagnostics`.
+- **A swing whose inhibitor dies ends**, when the executor has not heard of it for `state_timeout`:
+  the muscles are back by then, and the arm is held where it is.
+- **A bridge that is stopped (SIGSTOP)** goes on controlling for `supervision_timeout` (0.5 s) in
+  its control process; then that one stops sending too, and the boards' watchdog acts.
 - **A stray joint state** that jumps ends the inhibition and the swing at once, one with NaN
   is counted and ignored.
 - **After a fault the arm may hang where no muscles can hold it on its way to the start.** The next
@@ -84,13 +87,17 @@ NOT_COVERED = """## What this does not show
 """
 
 
-def load(path: Path) -> dict[str, list[Result]]:
-    """Return the results of each row, by its name."""
+def load(path: Path) -> tuple[dict[str, list[Result]], list[Result]]:
+    """Return the results of each row, by its name, and the runs that failed."""
     results: dict[str, list[Result]] = {}
+    failed = []
     for line in path.read_text().splitlines():
         result = json.loads(line)
-        results.setdefault(result["row"], []).append(result)
-    return results
+        if "failed" in result:
+            failed.append(result)
+        else:
+            results.setdefault(result["row"], []).append(result)
+    return results, failed
 
 
 def milliseconds(values: Sequence[float]) -> str:
@@ -134,8 +141,6 @@ def seen_text(row: Row, results: Sequence[Result]) -> str:
         }
     )
     parts += [f"after the recovery the swing ends: {_cell(text)}" for text in later]
-    if row.defect:
-        parts.append(f"**to be mended**: {row.defect}")
     parts += [_cell(note) for note in results[0]["notes"]]
     return "; ".join(parts) or "nothing"
 
@@ -207,14 +212,31 @@ def claims(results: dict[str, list[Result]]) -> str:
     )
 
 
-def page(results: dict[str, list[Result]], date: str) -> str:
+def failures(failed: Sequence[Result]) -> str:
+    """Return the section of runs that did not end as their row says."""
+    if not failed:
+        return ""
+    lines = ["## Runs that failed", ""]
+    lines += [f"- {result['row']}: {_cell(result['failed'])}" for result in failed]
+    return "\n".join(lines) + "\n\n"
+
+
+def disturbances(everything: Sequence[Result]) -> str:
+    """Return which attempts were repeated, and why."""
+    reasons = Counter(reason for result in everything for reason in result["disturbed"])
+    if not reasons:
+        return "No attempt had to be repeated."
+    lines = [f"- {count} times: {_cell(reason)}" for reason, count in reasons.most_common()]
+    return (
+        f"{reasons.total()} attempts in which something else broke before the fault was made, or "
+        "the machine stalled, were repeated:\n\n" + "\n".join(lines)
+    )
+
+
+def page(results: dict[str, list[Result]], failed: Sequence[Result], date: str) -> str:
     """Return the whole page."""
     everything = [result for several in results.values() for result in several]
-    stalls = sum(len(result["disturbed"]) for result in everything)
-    disturbed = (
-        f"{stalls} attempts in which the machine stalled and something else broke first (a swing "
-        "that ended before the phase was reached, the watchdog) were repeated."
-    )
+    disturbed = disturbances(everything)
     machine = f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores shared with others"
     text = HEAD.format(
         date=date,
@@ -225,7 +247,7 @@ def page(results: dict[str, list[Result]], date: str) -> str:
         safe="\n".join(f"- `{safe.name.lower()}`: {safe.value}" for safe in Safe),
         disturbed=disturbed,
     )
-    text += CLAIMS.format(claims=claims(results))
+    text += CLAIMS.format(claims=claims(results)) + failures(failed)
     for group in dict.fromkeys(row.group for row in ROWS):
         text += table_of(group, results) + "\n"
     missing = [f"{row.fault}, {row.phase}" for row in ROWS if row.name not in results]
@@ -237,4 +259,4 @@ def page(results: dict[str, list[Result]], date: str) -> str:
 def write(results_file: Path, output: Path) -> None:
     """Write the page."""
     date = time.strftime("%Y-%m-%d", time.localtime(results_file.stat().st_mtime))
-    output.write_text(page(load(results_file), date))
+    output.write_text(page(*load(results_file), date))

@@ -41,7 +41,6 @@ class Row:
     muscle   index of the muscle concerned, for HELD_BUT_ONE
     timing   measured many times
     prepare  what comes before; returns whether it brought the swing to its phase as well
-    defect   what should be better, for the page; its commands may be beyond a limit
     quick    part of `make test`; the others only of `make faults`
     """
 
@@ -56,7 +55,6 @@ class Row:
     timing: bool = False
     quick: bool = True
     prepare: Callable[[Bench], bool] | None = None
-    defect: str = ""
 
     @property
     def name(self) -> str:
@@ -108,7 +106,8 @@ def _process_row(node: str, phase: str, signal_number: signal.Signals) -> Row:
             safe = Safe.SWUNG
         else:
             safe = Safe.HELD
-            sees.append(("result", "."))
+            silent = "has been silent" if phase == "swing" else "."
+            sees.append(("result", silent))
     return Row(
         "Processes",
         f"{signal_number.name} of {node}",
@@ -143,6 +142,19 @@ def _restart_row(node: str) -> Row:
         sees,
         [CLEAR] if node in ("mock_driver", "bridge") else [],
         quick=False,
+    )
+
+
+def _control_row(signal_number: signal.Signals, word: str) -> Row:
+    return Row(
+        "Processes",
+        f"{signal_number.name} of the bridge's control process",
+        "swing",
+        lambda bench: make.end_or_stop_control(bench, signal_number),
+        Safe.WATCHDOG,
+        [("bridge", f"the control process {word}"), _WATCHDOGS, ("result", _STOPPED)],
+        [Step("restart `bridge`", lambda bench: make.end_and_restart(bench, "bridge")), CLEAR],
+        timing=True,
     )
 
 
@@ -321,12 +333,10 @@ MESSAGE_ROWS = [
         "Messages",
         "current commands of -1e6 A",
         HOLD,
-        make.current_commands(-1e6, 0.05),
+        make.current_commands(-1e6, 0.5),
         Safe.HELD,
         [("bridge.clamped", "[1-9]")],
-        [Step("wait until the slack is wound in", make.end_extra)],
-        defect="a winch that pushes runs its wire out, by metres; it is wound in again at the "
-        "speed limit, from a commanded length that is beyond the limit",
+        [Step("end the publisher: the muscle holds after `command_timeout`", make.end_extra)],
         quick=False,
     ),
     Row(
@@ -433,6 +443,8 @@ MACHINE_ROWS = [
 
 ROWS = [
     *PROCESS_ROWS,
+    _control_row(signal.SIGKILL, "died"),
+    _control_row(signal.SIGSTOP, "stands still"),
     *[_restart_row(node) for node in NODES],
     *BUS_ROWS,
     *MESSAGE_ROWS,

@@ -193,7 +193,7 @@ def _judge(bench: Bench, outcome: Outcome, start: float) -> None:
     low, high = limits.length_min - _ROUNDING, limits.length_max + _ROUNDING
     wrong = {
         "tension": (modes == TENSION) & ~((values >= 0.0) & (values <= limits.tension_max)),
-        "current": (modes == CURRENT) & ~(np.abs(values) <= limits.current_max),
+        "current": (modes == CURRENT) & ~((values >= 0.0) & (values <= limits.current_max)),
         "length": (modes == LENGTH) & ~((values >= low) & (values <= high)),
     }
     for kind, where in wrong.items():

@@ -71,7 +71,8 @@ class Samples:
 
 def resident_kb(pid: int) -> float:
     """Return a process's resident memory [kB]."""
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    pages = sum(int(Path(f"/proc/{one}/statm").read_text().split()[1]) for one in (pid, *children))
     return pages * _PAGE_KB
 
 

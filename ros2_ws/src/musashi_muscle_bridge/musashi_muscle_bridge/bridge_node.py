@@ -29,7 +29,7 @@ from musashi_muscle_bridge.bus import group_urls
 from musashi_muscle_bridge.bus_parameters import BUS_URL
 from musashi_muscle_bridge.commands import (
     check_lease,
-    check_stamp,
+    checked_age,
     checked_index,
     checked_values,
 )
@@ -55,6 +55,8 @@ _COMMANDS = {
 }
 _OVERRIDE = "current_override"
 _DEAD = "the control process died, see the log: nothing is sent, the boards' watchdog acts"
+_STANDING_SEC = 0.5
+"""Without news of the control process, which tells ten times a second."""
 _HEARTBEATS = 10
 """In the time after which the control process stops without one."""
 _FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
@@ -198,23 +200,27 @@ class BridgeNode(ManagedNode):
 
     # Commands.
 
-    def _listen(self, kind: Any, topic: str, take: Callable[[Any], None], depth: int) -> Any:
+    def _listen(self, kind: Any, topic: str, take: Callable[[Any, float], None], depth: int) -> Any:
         return self.create_subscription(
             kind, topic, self.guarded(self._taker(topic, take)), QoSProfile(depth=depth)
         )
 
-    def _taker(self, topic: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback of messages that `take` sends to the control process."""
+    def _taker(self, topic: str, take: Callable[[Any, float], None]) -> Callable[[Any], None]:
+        """Return a callback of messages that `take` sends to the control process.
+
+        `take` gets each with the monotonic time [s] when it was made: one that waited while this
+        node stood still gets no longer lease, and no longer stream, by that.
+        """
 
         def on_message(message: Any) -> None:
             stamp = message.header.stamp
             try:
-                check_stamp(
+                age = checked_age(
                     stamp.sec * 1_000_000_000 + stamp.nanosec,
                     self.get_clock().now().nanoseconds,
                     self._values["command_max_age"],
                 )
-                take(message)
+                take(message, self.monotonic() - age)
             except CommandRejected as error:
                 self._count(f"rejected_{topic}_{error.reason}")
                 self._last_rejection = f"{topic}: {error}"
@@ -229,22 +235,20 @@ class BridgeNode(ManagedNode):
     def _count(self, key: str) -> None:
         self._counts[key] = self._counts.get(key, 0) + 1
 
-    def _command(self, mode: Mode, field: str) -> Callable[[Any], None]:
-        def take(message: Any) -> None:
-            now = self.monotonic()
+    def _command(self, mode: Mode, field: str) -> Callable[[Any, float], None]:
+        def take(message: Any, made: float) -> None:
             index = checked_index(message.name, self._names)
             values = checked_values(message.name, getattr(message, field))
-            self._order(Command(mode, index, values, now))
+            self._order(Command(mode, index, values, made))
 
         return take
 
-    def _override(self, message: CurrentOverride) -> None:
-        now = self.monotonic()
+    def _override(self, message: CurrentOverride, made: float) -> None:
         index = checked_index(message.name, self._names)
         lease = message.lease.sec + message.lease.nanosec * 1e-9
         if index:
-            check_lease(lease, self._values["max_lease"])
-        self._order(Override(index, lease, now))
+            check_lease(lease, self._values["max_lease"], self.monotonic() - made)
+        self._order(Override(index, lease, made))
 
     def _order(self, order: Order) -> None:
         if not self._loop.order(order):
@@ -351,6 +355,8 @@ class BridgeNode(ManagedNode):
         where = f" on {', '.join(self._urls[n] for n in silent)}" if len(self._urls) > 1 else ""
         error = DiagnosticStatus.ERROR
         yield not self._loop.alive, error, _DEAD
+        age = time.monotonic() - self._loop.status.time
+        yield age > _STANDING_SEC, error, f"the control process stands still for {age:.1f} s"
         # What they latch meanwhile follows from it.
         yield silent, error, f"the boards do not answer{where}"
         boards = f"boards started again, at zero current until clear_faults: {rebooted}"

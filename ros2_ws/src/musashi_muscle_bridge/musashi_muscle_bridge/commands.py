@@ -35,18 +35,27 @@ def checked_values(names: Sequence[str], values: Sequence[float]) -> Vector:
     return vector
 
 
-def check_lease(lease: float, max_lease: float) -> None:
-    """Raise CommandRejected for a lease [s] that is not positive or too long."""
+def check_lease(lease: float, max_lease: float, age: float = 0.0) -> None:
+    """Raise CommandRejected for a lease [s] that is not positive, too long or over already.
+
+    age  [s] of the override that asks for it
+    """
     if not 0.0 < lease <= max_lease:
         raise CommandRejected(
             "lease", f"lease is {lease:g} s, expected 0 < lease <= {max_lease:g} s"
         )
+    if age >= lease:
+        raise CommandRejected(
+            "expired", f"the override is {age:.3f} s old, its lease of {lease:g} s is over"
+        )
 
 
-def check_stamp(stamp_ns: int, now_ns: int, max_age: float, max_ahead: float = 0.05) -> None:
-    """Raise CommandRejected for a stamp [ns] that is zero, old or in the future.
+def checked_age(stamp_ns: int, now_ns: int, max_age: float, max_ahead: float = 0.05) -> float:
+    """Return how old a command is [s], never less than 0.
 
     max_age, max_ahead  [s]
+
+    Raises CommandRejected for a stamp [ns] that is zero, old or in the future.
     """
     if stamp_ns == 0:
         raise CommandRejected("zero_stamp", "the stamp is zero: fill in when the command was made")
@@ -55,3 +64,4 @@ def check_stamp(stamp_ns: int, now_ns: int, max_age: float, max_ahead: float = 0
         raise CommandRejected("old_stamp", f"the stamp is {age:.3f} s old, at most {max_age:g} s")
     if age < -max_ahead:
         raise CommandRejected("future_stamp", f"the stamp is {-age:.3f} s in the future")
+    return max(age, 0.0)

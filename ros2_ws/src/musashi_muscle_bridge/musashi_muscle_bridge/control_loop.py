@@ -42,11 +42,13 @@ class Measurement(NamedTuple):
 class LoopStatus:
     """What the loop tells ten times a second.
 
+    time        [s] monotonic
     report      what is latched
     statistics  counts and times for diagnostics; all buses together, then each of several
     silent      which buses have not answered for more than 5 periods, by position
     """
 
+    time: float
     report: ControlReport
     statistics: dict[str, object]
     silent: tuple[int, ...]
@@ -150,8 +152,10 @@ class ControlLoop:
 
     def status(self) -> LoopStatus:
         """Return what it would tell now."""
+        now = time.monotonic()
         return LoopStatus(
-            self._control.report(time.monotonic()),
+            now,
+            self._control.report(now),
             self._statistics(),
             tuple(
                 number

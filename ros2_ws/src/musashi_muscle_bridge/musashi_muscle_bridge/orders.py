@@ -20,7 +20,7 @@ class Order(Protocol):
 
 @dataclass(frozen=True)
 class Command:
-    """A checked length [m], tension [N] or current [A] command, of monotonic time `received` [s].
+    """A checked length [m], tension [N] or current [A] command, made at `made` [s], monotonic.
 
     index   of the muscles
     values  shape (len(index),)
@@ -29,24 +29,24 @@ class Command:
     mode: Mode
     index: list[int]
     values: Vector
-    received: float
+    made: float
 
     def carry_out(self, control: ControlPeriod) -> None:
         """Give it to the arbiter."""
-        control.arbiter.command(self.mode, self.index, self.values, self.received)
+        control.arbiter.command(self.mode, self.index, self.values, self.made)
 
 
 @dataclass(frozen=True)
 class Override:
-    """A zero-current override with its lease [s], of monotonic time `received` [s]."""
+    """A zero-current override with its lease [s], which counts from `made` [s], monotonic."""
 
     index: list[int]
     lease: float
-    received: float
+    made: float
 
     def carry_out(self, control: ControlPeriod) -> None:
         """Give it to the arbiter."""
-        control.arbiter.override(self.index, self.lease, self.received)
+        control.arbiter.override(self.index, self.lease, self.made)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from musashi_muscle_bridge.commands import check_stamp, checked_index, checked_values
+from musashi_muscle_bridge.commands import check_lease, checked_age, checked_index, checked_values
 from musashi_muscle_bridge.errors import CommandRejected
 
 MUSCLES = ("#1", "#2", "#3")
@@ -59,25 +59,40 @@ def test_a_value_that_is_not_finite_is_rejected_naming_the_muscle(value: float, 
 
 @pytest.mark.parametrize("age_ns", [0, 199_000_000, -49_000_000])
 def test_a_stamp_of_about_now_is_taken(age_ns: int) -> None:
-    check_stamp(NOW_NS - age_ns, NOW_NS, max_age=0.2)
+    checked_age(NOW_NS - age_ns, NOW_NS, max_age=0.2)
 
 
 def test_a_zero_stamp_is_rejected() -> None:
     with pytest.raises(CommandRejected) as caught:
-        check_stamp(0, NOW_NS, max_age=0.2)
+        checked_age(0, NOW_NS, max_age=0.2)
     assert str(caught.value) == "the stamp is zero: fill in when the command was made"
     assert caught.value.reason == "zero_stamp"
 
 
 def test_an_old_stamp_is_rejected_with_its_age() -> None:
     with pytest.raises(CommandRejected) as caught:
-        check_stamp(NOW_NS - 250_000_000, NOW_NS, max_age=0.2)
+        checked_age(NOW_NS - 250_000_000, NOW_NS, max_age=0.2)
     assert str(caught.value) == "the stamp is 0.250 s old, at most 0.2 s"
     assert caught.value.reason == "old_stamp"
 
 
 def test_a_future_stamp_is_rejected_with_its_lead() -> None:
     with pytest.raises(CommandRejected) as caught:
-        check_stamp(NOW_NS + 75_000_000, NOW_NS, max_age=0.2)
+        checked_age(NOW_NS + 75_000_000, NOW_NS, max_age=0.2)
     assert str(caught.value) == "the stamp is 0.075 s in the future"
     assert caught.value.reason == "future_stamp"
+
+
+def test_an_age_is_returned() -> None:
+    assert checked_age(NOW_NS - 50_000_000, NOW_NS, max_age=0.2) == pytest.approx(0.05)
+
+
+def test_a_command_from_a_clock_slightly_ahead_has_no_age() -> None:
+    assert checked_age(NOW_NS + 25_000_000, NOW_NS, max_age=0.2) == 0.0
+
+
+def test_a_lease_that_was_over_before_it_arrived_is_rejected() -> None:
+    with pytest.raises(
+        CommandRejected, match=r"^the override is 0\.060 s old, its lease of 0\.05 s is over$"
+    ):
+        check_lease(0.05, 0.2, age=0.06)
