@@ -37,6 +37,8 @@ from fastswing_planner.swing_execution import (
 from fastswing_planner.swing_goal import SwingGoal, SwingSurroundings
 
 _DEFAULTS = ExecutionSettings()
+_RESULT_KEPT_SEC = 60
+"""For clients that ask late; each result holds a plan of 40 kB."""
 
 
 def _setting(name: str, unit: str, low: float, high: float, description: str) -> Parameter:
@@ -151,6 +153,7 @@ class ExecutorNode(ManagedNode):
             callback_group=ReentrantCallbackGroup(),
             goal_callback=self._admit,
             cancel_callback=lambda _handle: CancelResponse.ACCEPT,
+            result_timeout=_RESULT_KEPT_SEC,
         )
 
     def cleanup(self) -> None:
