@@ -397,7 +397,7 @@ def all_nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Suite]:
         # A shared machine stalls; the defaults' own time-outs are tried where nothing swings.
         suite.start("bridge", watchdog_timeout=PATIENCE_SEC)
         suite.start("swing_executor", state_timeout=PATIENCE_SEC)
-        suite.start("inhibitor", state_timeout=PATIENCE_SEC)
+        suite.start("inhibitor", state_timeout=PATIENCE_SEC, lease=0.2)
         suite.start_active("mock_driver", "planner")
         for name in ("bridge", "swing_executor", "inhibitor"):
             suite.wait_for_state(name, State.PRIMARY_STATE_ACTIVE)

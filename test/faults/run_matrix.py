@@ -35,7 +35,7 @@ def main() -> int:
             "FASTSWING_FAULT_RUNS": str(arguments.runs),
             "FASTSWING_FAULT_RESULTS": str(results),
         }
-        command = [sys.executable, "-m", "pytest", str(ROOT / "test/faults"), "-q"]
+        command = [sys.executable, "-m", "pytest", str(ROOT / "test/faults"), "-q", "--reruns", "0"]
         code = subprocess.run([*command, "-k", arguments.k], env=environment, cwd=ROOT).returncode
     # Not before: it needs what is on the tests' path.
     from fault_page import write

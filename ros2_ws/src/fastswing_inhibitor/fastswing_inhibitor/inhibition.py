@@ -34,6 +34,7 @@ class InhibitionSettings:
     velocity_threshold  [rad/s] norm of theta_dot below which the direction to the goal is used
     reversal_speed      [rad/s] speed against the way from start to goal that ends it
     state_timeout       [s] age of the joint state that ends it
+    lease               [s] of an override, from the joint state's stamp; older ones decide nothing
     goal_tolerance      [rad] norm of the distance to the goal that counts as reached
     max_joint_speed     [rad/s] a joint that moved faster between two states has jumped
     jump_tolerance      [rad] allowance for late messages in that comparison
@@ -42,6 +43,7 @@ class InhibitionSettings:
     velocity_threshold: float = 0.1
     reversal_speed: float = 0.3
     state_timeout: float = 0.05
+    lease: float = 0.05
     goal_tolerance: float = 0.05
     max_joint_speed: float = 20.0
     jump_tolerance: float = 0.1
@@ -164,7 +166,8 @@ class Inhibition:
         arming = self._arming
         if arming is None:
             return self._nothing()
-        age, allowed = now - joints.time, self._settings.state_timeout
+        age = now - joints.time
+        allowed = min(self._settings.state_timeout, self._settings.lease)
         if age > allowed:
             raise StaleState(f"a joint state is {age:.3f} s old, at most {allowed:g} s")
         end = self._end_reason(joints, arming)

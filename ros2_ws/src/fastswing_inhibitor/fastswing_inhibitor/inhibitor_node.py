@@ -62,8 +62,9 @@ TABLE = (
     Parameter(
         "lease",
         0.05,
-        "How long the bridge keeps an override without a newer one. Longer rides over lost "
-        "messages, shorter brings the muscles back sooner when this node dies.",
+        "How long an override lasts without a newer one, from the stamp of its joint state; older "
+        "joint states decide nothing. Longer rides over late messages, shorter brings the muscles "
+        "back sooner when this node dies.",
         "s",
         0.002,
         0.2,
@@ -138,6 +139,7 @@ class InhibitorNode(ManagedNode):
                 velocity_threshold=parameters["velocity_threshold"],
                 reversal_speed=parameters["reversal_speed"],
                 state_timeout=parameters["state_timeout"],
+                lease=parameters["lease"],
                 goal_tolerance=parameters["goal_tolerance"],
                 max_joint_speed=parameters["max_joint_speed"],
             ),

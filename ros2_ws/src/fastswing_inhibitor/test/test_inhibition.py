@@ -241,6 +241,15 @@ def test_an_old_joint_state_is_not_decided_on() -> None:
     assert inhibition.decisions == 0
 
 
+def test_a_joint_state_whose_lease_is_over_is_not_decided_on() -> None:
+    patient = dataclasses.replace(SETTINGS, state_timeout=0.5, lease=0.04)
+    inhibition = Inhibition(FourMuscles(), LIMIT, patient)
+    inhibition.see(START)
+    inhibition.arm(arming())
+    with pytest.raises(StaleState, match=r"^a joint state is 0\.045 s old, at most 0\.04 s$"):
+        inhibition.decide(joints(0.0, (0.0, 0.0)), START + 0.045)
+
+
 def test_rejected_joint_states_are_counted_from_the_arming() -> None:
     inhibition = armed()
     inhibition.reject(START + PERIOD)

@@ -1,6 +1,7 @@
 """The robot as a node: commands in, muscle and joint states out."""
 
 import secrets
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
@@ -29,6 +30,7 @@ from musashi_muscle_bridge.bus import group_urls
 from musashi_muscle_bridge.bus_parameters import BUS_URL
 from musashi_muscle_bridge.commands import (
     check_lease,
+    check_stream,
     checked_age,
     checked_index,
     checked_values,
@@ -36,7 +38,7 @@ from musashi_muscle_bridge.commands import (
 from musashi_muscle_bridge.control import ControlPeriod, command_limits, slack
 from musashi_muscle_bridge.control_loop import Measurement
 from musashi_muscle_bridge.control_process import ControlProcess, LoopTask
-from musashi_muscle_bridge.errors import BusError, CommandRejected
+from musashi_muscle_bridge.errors import CommandRejected
 from musashi_muscle_bridge.orders import (
     ClearFaults,
     Command,
@@ -55,8 +57,7 @@ _COMMANDS = {
 }
 _OVERRIDE = "current_override"
 _DEAD = "the control process died, see the log: nothing is sent, the boards' watchdog acts"
-_STANDING_SEC = 0.5
-"""Without news of the control process, which tells ten times a second."""
+_SWITCH_INTERVAL_SEC = 1e-4
 _HEARTBEATS = 10
 """In the time after which the control process stops without one."""
 _FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
@@ -154,15 +155,19 @@ class BridgeNode(ManagedNode):
         newest = QoSProfile(depth=1)
         self._muscle_state = self.create_publisher(MuscleState, "muscle_state", newest)
         self._joint_state = self.create_publisher(JointState, "joint_states", newest)
+        # Commands must not wait 5 ms for the interpreter while a state is published.
+        sys.setswitchinterval(_SWITCH_INTERVAL_SEC)
         patience = parameters["supervision_timeout"]
         task = LoopTask(control, self._urls, parameters["control_rate"], patience)
+        self._inputs, self._triggers = [], []
         try:
-            self._loop = ControlProcess(task, self._publish, self.get_logger().error)
-        except BusError:
-            self._destroy_publishers()
+            self._loop = ControlProcess(
+                task, self._publish, self.get_logger().error, self.context.ok
+            )
+        except BaseException:
+            self._disconnect()
             raise
         self._heart = self.create_steady_timer(patience / _HEARTBEATS, self._beat)
-        self._inputs, self._triggers = [], []
         if not parameters["read_only"]:
             self._connect()
 
@@ -185,18 +190,21 @@ class BridgeNode(ManagedNode):
         """Stop sending frames: the boards' watchdog acts."""
         self.destroy_timer(self._heart)
         self._loop.stop()
+        self._disconnect()
+
+    def _disconnect(self) -> None:
         for subscription in self._inputs:
             self.destroy_subscription(subscription)
         for service in self._triggers:
             self.destroy_service(service)
-        self._destroy_publishers()
-
-    def _destroy_publishers(self) -> None:
         self.destroy_publisher(self._muscle_state)
         self.destroy_publisher(self._joint_state)
 
     def _beat(self) -> None:
-        self._loop.order(Heartbeat())
+        if self._emergency_latched and not self._loop.status.report.emergency:
+            self._loop.order(EmergencyStop())  # until it is known to be obeyed
+        elif self._loop.answers:
+            self._loop.order(Heartbeat())
 
     # Commands.
 
@@ -239,6 +247,8 @@ class BridgeNode(ManagedNode):
         def take(message: Any, made: float) -> None:
             index = checked_index(message.name, self._names)
             values = checked_values(message.name, getattr(message, field))
+            if mode is not Mode.LENGTH:
+                check_stream(self.monotonic() - made, self._values["command_timeout"])
             self._order(Command(mode, index, values, made))
 
         return take
@@ -258,8 +268,8 @@ class BridgeNode(ManagedNode):
         self, action: Callable[[], bool], text: str
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            response.success = action() and self._loop.alive
-            response.message = text if response.success else _DEAD
+            response.success = action()
+            response.message = text if response.success else self._failure()
             self.get_logger().warning(response.message)
             return response
 
@@ -267,16 +277,28 @@ class BridgeNode(ManagedNode):
 
     def _emergency_stop(self) -> bool:
         self._emergency_latched = True
-        return self._loop.order(EmergencyStop())
+        return self._loop.order(EmergencyStop()) and self._loop.answers
 
     def _clear_faults(self) -> bool:
+        if not self._obeys(ClearFaults()):
+            return False
         self._emergency_latched = False
-        self._holds += 1
-        return self._loop.order(ClearFaults())
+        return True
 
     def _hold(self) -> bool:
+        return self._obeys(Hold())
+
+    def _obeys(self, order: Order) -> bool:
+        """Whether an order that must not come late went to a process that goes on."""
+        if not self._loop.answers or not self._loop.order(order):
+            return False
         self._holds += 1
-        return self._loop.order(Hold())
+        return True
+
+    def _failure(self) -> str:
+        if self._loop.alive:
+            return f"the control process stands still for {self._loop.silence:.1f} s"
+        return _DEAD
 
     # States.
 
@@ -339,7 +361,9 @@ class BridgeNode(ManagedNode):
             "slack": self._slack,
             "refused_by_boards": self._refused,
         }
-        values |= status.statistics | self._counts
+        values |= status.statistics
+        values["unpublished_states"] = self._loop.unpublished
+        values |= self._counts
         for problem, level, text in self._problems(latched, rebooted, report.emergency):
             if problem:
                 return level, text, values
@@ -354,9 +378,7 @@ class BridgeNode(ManagedNode):
         silent = self._loop.status.silent
         where = f" on {', '.join(self._urls[n] for n in silent)}" if len(self._urls) > 1 else ""
         error = DiagnosticStatus.ERROR
-        yield not self._loop.alive, error, _DEAD
-        age = time.monotonic() - self._loop.status.time
-        yield age > _STANDING_SEC, error, f"the control process stands still for {age:.1f} s"
+        yield not self._loop.answers, error, self._failure()
         # What they latch meanwhile follows from it.
         yield silent, error, f"the boards do not answer{where}"
         boards = f"boards started again, at zero current until clear_faults: {rebooted}"
@@ -364,6 +386,7 @@ class BridgeNode(ManagedNode):
         yield latched, error, f"latched until clear_faults: {latched}"
         yield self._faults, error, f"faults: {', '.join(self._faults)}"
         yield emergency, error, "emergency stop, see clear_faults"
+        yield self._loop.failures, error, "states cannot be published, see the log"
         yield doubled, error, f"two publishers on {', '.join(doubled)}"
         yield self._slack, DiagnosticStatus.WARN, f"slack in tension mode: {self._slack}"
         yield self._last_rejection, DiagnosticStatus.WARN, f"rejected {self._last_rejection}"

@@ -1,6 +1,7 @@
 """Whole objects between two processes of this computer, in order; nobody ever waits to send one."""
 
 import pickle
+import select
 import socket
 from typing import Any
 
@@ -37,13 +38,22 @@ class Channel:
             items.append(item)
         return items
 
-    def wait(self) -> Any:
-        """Return the next object as soon as it comes; None if the other end is gone."""
+    def wait(self, timeout: float | None = None) -> Any:
+        """Return the next object as soon as it comes; None if the other end is gone.
+
+        None also after `timeout` [s], where it is given; `closed` tells the two apart.
+        """
+        if timeout is not None and not select.select([self._socket], [], [], timeout)[0]:
+            return None
         return self._receive(0)
 
     def _receive(self, flags: int) -> Any:
         try:
-            count = self._socket.recv_into(self._buffer, _LARGEST, flags)
+            try:
+                count = self._socket.recv_into(self._buffer, _LARGEST, flags)
+            except ConnectionResetError:
+                # The other end left something unread; what it had sent before comes after this.
+                count = self._socket.recv_into(self._buffer, _LARGEST, flags)
         except BlockingIOError:
             return None
         except OSError:

@@ -50,6 +50,17 @@ def check_lease(lease: float, max_lease: float, age: float = 0.0) -> None:
         )
 
 
+def check_stream(age: float, timeout: float) -> None:
+    """Raise CommandRejected for a tension or current command that is older than it would last.
+
+    age, timeout  [s]
+    """
+    if age >= timeout:
+        raise CommandRejected(
+            "expired", f"the command is {age:.3f} s old, it would have ended after {timeout:g} s"
+        )
+
+
 def checked_age(stamp_ns: int, now_ns: int, max_age: float, max_ahead: float = 0.05) -> float:
     """Return how old a command is [s], never less than 0.
 

@@ -4,6 +4,7 @@ It waits for nobody but the boards. What others want of it, and what they may kn
 channel whose ends never wait for each other.
 """
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from musashi_muscle_bridge.bus_line import BusLine
 from musashi_muscle_bridge.channel import Channel
 from musashi_muscle_bridge.control import ControlPeriod, ControlReport
 from musashi_muscle_bridge.loop_timing import LoopTiming
-from musashi_muscle_bridge.orders import after_the_last_stop
+from musashi_muscle_bridge.orders import EmergencyStop, after_the_last_stop
 from musashi_muscle_bridge.protocol import StateFrame
 
 _STATUS_PERIOD_SEC = 0.1
@@ -68,7 +69,8 @@ class ControlLoop:
         """Compose the loop.
 
         rate      [Hz]
-        patience  [s] without an order, a heartbeat at least, after which no frames are sent
+        patience  [s] without an order, a heartbeat at least, after which no frames are sent; none
+                  is sent before the first
         channel   takes orders, and brings measurements and LoopStatus
         """
         self._control = control
@@ -81,7 +83,7 @@ class ControlLoop:
         self._timing = LoopTiming(self._period)
         self._overruns = 0
         self._worst_lateness = 0.0
-        self._unpublished = 0
+        self._untaken = 0
         self._unsupervised = 0
 
     def run(self) -> None:
@@ -93,21 +95,24 @@ class ControlLoop:
                 line.close()
 
     def _run(self) -> None:
-        deadline = heard = told = time.monotonic()
+        deadline = told = time.monotonic()
+        heard = -math.inf
         while True:
             now = time.monotonic()
             self._timing.begin(now)
-            orders = self._channel.take()
-            if self._channel.closed:
-                return
-            for order in after_the_last_stop(orders):
+            orders = after_the_last_stop(self._channel.take())
+            for order in orders:
                 order.carry_out(self._control)
+            if self._channel.closed:
+                if any(isinstance(order, EmergencyStop) for order in orders):
+                    self._exchange(now)  # boards that hold without frames must not hold then
+                return
             heard = now if orders else heard
-            if now - heard > self._patience:
-                # Nobody could stop the arm now: its boards' watchdog shall.
-                self._unsupervised += 1
-            else:
+            if now - heard <= self._patience:
                 self._exchange(now)
+            else:
+                # Nobody could stop the arm now: its boards' watchdog shall.
+                self._unsupervised += heard > -math.inf
             if now - told >= _STATUS_PERIOD_SEC:
                 self._channel.put(self.status())
                 told = now
@@ -148,7 +153,7 @@ class ControlLoop:
                 all(number in fresh for number, group in groups if group.joints.size),
                 time.monotonic(),
             )
-            self._unpublished += not self._channel.put(measured)
+            self._untaken += not self._channel.put(measured)
 
     def status(self) -> LoopStatus:
         """Return what it would tell now."""
@@ -175,7 +180,7 @@ class ControlLoop:
             "worst_lateness_ms": round(self._worst_lateness * 1e3, 3),
             "round_trip_ms": round(timing.round_trip * 1e3, 3),
             "worst_round_trip_ms": round(max(line.worst_round_trip for line in lines) * 1e3, 3),
-            "unpublished_states": self._unpublished,
+            "untaken_states": self._untaken,
             "unsupervised_periods": self._unsupervised,
             **_counts(lines),
             "last_bus_error": next((line.last_error for line in lines if line.last_error), ""),

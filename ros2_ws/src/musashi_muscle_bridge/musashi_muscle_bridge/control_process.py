@@ -12,6 +12,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,12 @@ from musashi_muscle_bridge.control_loop import ControlLoop, LoopStatus, Measurem
 from musashi_muscle_bridge.errors import BusError
 from musashi_muscle_bridge.orders import Order
 
+_START_SEC = 30.0
 _STOP_SEC = 2.0
+_STANDING_SEC = 0.5
+"""Without news of the control process, which tells ten times a second."""
+_KEPT = 4
+"""Measurements that may wait for their publication: fresh ones matter more than all of them."""
 _PROGRAM = "from musashi_muscle_bridge.control_process import main; main()"
 
 
@@ -54,8 +60,10 @@ class _Died:
 class ControlProcess:
     """The node's side: starts the process, gives it orders, and takes what it measures.
 
-    status  the newest LoopStatus
-    alive   whether the process runs
+    status       the newest LoopStatus
+    unpublished  measurements that were dropped because newer ones waited
+    failures     measurements whose publication raised
+    alive        whether the process runs
     """
 
     def __init__(
@@ -63,17 +71,22 @@ class ControlProcess:
         task: LoopTask,
         publish: Callable[[Measurement], None],
         complain: Callable[[str], None],
+        wanted: Callable[[], bool] = lambda: True,
     ) -> None:
-        """Start the process, and wait until it has opened its buses; raises BusError.
+        """Start the process, and wait until it has opened its buses.
 
+        wanted    tells whether to go on waiting for that
         publish   is called with each measurement, in a thread of its own
         complain  is called with the traceback of what ended the process, or of the first
                   measurement that could not be published
+
+        Raises BusError if a bus cannot be opened or the process does not start.
         """
         self._publish = publish
         self._complain = complain
+        self.unpublished = 0
+        self.failures = 0
         self._stopping = False
-        self._publishing_failed = False
         self._channel, theirs = channel_pair()
         with theirs:
             self._process = subprocess.Popen(
@@ -81,16 +94,27 @@ class ControlProcess:
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
                 env=_environment(),
+                # Ctrl-C in a terminal is for the node, which ends the process in its turn.
+                start_new_session=True,
             )
-        self._channel.put(task)
-        answer = self._channel.wait()
-        if not isinstance(answer, LoopStatus):
+        try:
+            self.status = self._begin(task, wanted)
+        except BaseException:
             self._end()
-            text = answer.text if isinstance(answer, _Refused) else "it ended at once"
-            raise BusError(text)
-        self.status = answer
+            raise
         self._thread = threading.Thread(target=self._listen, name="states", daemon=True)
         self._thread.start()
+
+    def _begin(self, task: LoopTask, wanted: Callable[[], bool]) -> LoopStatus:
+        self._channel.put(task)
+        deadline = time.monotonic() + _START_SEC
+        while time.monotonic() < deadline and wanted() and not self._channel.closed:
+            answer = self._channel.wait(0.1)
+            if isinstance(answer, LoopStatus):
+                return answer
+            if isinstance(answer, _Refused):
+                raise BusError(answer.text)
+        raise BusError("the control process does not start")
 
     @property
     def pid(self) -> int:
@@ -101,6 +125,16 @@ class ControlProcess:
     def alive(self) -> bool:
         """Whether the process runs and can be talked to."""
         return not self._channel.closed and self._process.poll() is None
+
+    @property
+    def silence(self) -> float:
+        """How long the process has told nothing [s]."""
+        return time.monotonic() - self.status.time
+
+    @property
+    def answers(self) -> bool:
+        """Whether the process lives and goes on."""
+        return self.alive and self.silence < _STANDING_SEC
 
     def order(self, order: Order) -> bool:
         """Have an order carried out before the next frame; never waits. False: it got lost."""
@@ -124,12 +158,17 @@ class ControlProcess:
 
     def _listen(self) -> None:
         while (item := self._channel.wait()) is not None:
-            if isinstance(item, Measurement):
-                self._deliver(item)
-            elif isinstance(item, LoopStatus):
-                self.status = item
-            else:
-                self._complain(f"the control process died:\n{item.text}")
+            measured = []
+            for one in (item, *self._channel.take()):
+                if isinstance(one, Measurement):
+                    measured.append(one)
+                elif isinstance(one, LoopStatus):
+                    self.status = one
+                else:
+                    self._complain(f"the control process died:\n{one.text}")
+            self.unpublished += max(len(measured) - _KEPT, 0)
+            for one in measured[-_KEPT:]:
+                self._deliver(one)
         if not self._stopping:
             self._complain("the control process ended")
 
@@ -137,8 +176,8 @@ class ControlProcess:
         try:
             self._publish(measured)
         except Exception:
-            if not self._publishing_failed:
-                self._publishing_failed = True
+            self.failures += 1
+            if self.failures == 1:
                 self._complain(traceback.format_exc())
 
 
@@ -150,8 +189,9 @@ def _environment() -> dict[str, str]:
 
 def main() -> None:
     """Be the control process; its argument is the number of the channel's socket."""
-    # Ctrl-C reaches this process too; the node ends it in its turn.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # Who ends all processes of a service at once means the node, which ends this one in its turn.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
     channel = Channel(socket.socket(fileno=int(sys.argv[1])))
     task: Any = channel.wait()
     if task is None:
@@ -167,5 +207,6 @@ def main() -> None:
         gc.freeze()  # what is there now stays
         loop.run()
     except Exception:
+        traceback.print_exc()
         channel.put(_Died(traceback.format_exc()))
         raise SystemExit(1) from None

@@ -110,8 +110,13 @@ class MockDriverNode(ManagedNode):
 
     def activate(self) -> None:
         """Open the ports and let time pass."""
-        self._log = BoardLog(self._log_path) if self._log_path else None
         ports = open_all(open_board_port, self._urls)
+        try:
+            self._log = BoardLog(self._log_path) if self._log_path else None
+        except BaseException:
+            for port in ports:
+                port.close()
+            raise
         for bus, port in zip(self._buses, ports, strict=True):
             bus.port = port
             bus.on_command = self._on_command(self._buses.index(bus))

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from musashi_muscle_bridge.commands import check_lease, checked_age, checked_index, checked_values
+from musashi_muscle_bridge.commands import (
+    check_lease,
+    check_stream,
+    checked_age,
+    checked_index,
+    checked_values,
+)
 from musashi_muscle_bridge.errors import CommandRejected
 
 MUSCLES = ("#1", "#2", "#3")
@@ -96,3 +102,10 @@ def test_a_lease_that_was_over_before_it_arrived_is_rejected() -> None:
         CommandRejected, match=r"^the override is 0\.060 s old, its lease of 0\.05 s is over$"
     ):
         check_lease(0.05, 0.2, age=0.06)
+
+
+def test_a_stream_command_that_would_have_ended_is_rejected() -> None:
+    with pytest.raises(
+        CommandRejected, match=r"^the command is 0\.200 s old, it would have ended after 0\.1 s$"
+    ):
+        check_stream(0.2, 0.1)

@@ -18,7 +18,15 @@ from musashi_muscle_bridge.channel import Channel, channel_pair
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.control_loop import ControlLoop, LoopStatus, Measurement
 from musashi_muscle_bridge.errors import BusError, BusTimeout
-from musashi_muscle_bridge.orders import ClearFaults, Command, EmergencyStop, Heartbeat, Order
+from musashi_muscle_bridge.orders import (
+    ClearFaults,
+    Command,
+    EmergencyStop,
+    Heartbeat,
+    Hold,
+    Order,
+    after_the_last_stop,
+)
 from musashi_muscle_bridge.protocol import CommandFrame, Mode, StateFrame, WatchdogAction
 
 SOON = 10.0
@@ -37,8 +45,8 @@ class LinkBus:
         self._tamper = tamper
         self._answers: deque[bytes] = deque()
         self.sent = 0
-        self.setpoint = 0.0
-        self.unplugged = self.closed = False
+        self.mode, self.setpoint = Mode.ZERO_CURRENT, 0.0
+        self.unplugged = self.closed = self.cleared = False
 
     @property
     def dropped(self) -> Mapping[str, int]:
@@ -48,8 +56,10 @@ class LinkBus:
         if self.unplugged:
             raise BusError("the cable is out")
         self.sent += 1
-        rows = CommandFrame.decode(frame).rows
-        self.setpoint = float(rows["setpoint"][0]) if len(rows) else 0.0
+        command = CommandFrame.decode(frame)
+        self.mode = Mode(command.rows["mode"][0])
+        self.setpoint = float(command.rows["setpoint"][0])
+        self.cleared |= command.clear_faults
         answer = self._link.answer(frame)
         self._answers.extend(self._tamper(answer) if answer else [])
 
@@ -273,7 +283,7 @@ def test_a_node_that_takes_nothing_stops_no_command(start: Start) -> None:
 def test_states_that_nobody_takes_are_counted(start: Start) -> None:
     run = start()
     run.reads = False
-    run.until(lambda: run.loop.status().statistics["unpublished_states"] != 0)
+    run.until(lambda: run.loop.status().statistics["untaken_states"] != 0)
 
 
 def test_orders_are_carried_out_in_turn(start: Start) -> None:
@@ -283,22 +293,57 @@ def test_orders_are_carried_out_in_turn(start: Start) -> None:
     run.until(lambda: run.buses[0].setpoint == pytest.approx(0.919, abs=1e-6))
 
 
-def test_an_emergency_stop_forgets_what_was_ordered_before_it(start: Start) -> None:
+STOP, CLEAR, HOLD = EmergencyStop(), ClearFaults(), Hold()
+
+
+@pytest.mark.parametrize(
+    ("orders", "left"),
+    [
+        ([CLEAR, HOLD], [CLEAR, HOLD]),
+        ([CLEAR, STOP, HOLD], [STOP, HOLD]),
+        ([STOP, CLEAR, STOP], [STOP]),
+        ([STOP, CLEAR], [STOP, CLEAR]),
+        ([], []),
+    ],
+)
+def test_an_emergency_stop_forgets_what_was_ordered_before_it(
+    orders: list[Order], left: list[Order]
+) -> None:
+    assert after_the_last_stop(orders) == left
+
+
+def test_a_clearing_that_an_emergency_stop_overtook_reaches_no_board(start: Start) -> None:
     run = start()
-    run.order(EmergencyStop())
-    run.until(lambda: run.status.report.emergency)
-    run.order(ClearFaults())
-    run.order(EmergencyStop())
-    told = run.status
-    run.until(lambda: run.status is not told)
+    run.order(CLEAR)
+    run.order(STOP)
+    run.until(lambda: run.counted("replies") >= 20)
     assert run.status.report.emergency
+    assert not run.buses[0].cleared
 
 
 def test_a_clearing_after_an_emergency_stop_ends_it(start: Start) -> None:
     run = start()
-    run.order(EmergencyStop())
-    run.order(ClearFaults())
-    run.until(lambda: len(run.states) >= 5 and not run.status.report.emergency)
+    run.order(STOP)
+    run.until(lambda: run.status.report.emergency)
+    run.order(CLEAR)
+    run.until(lambda: not run.status.report.emergency)
+
+
+def test_an_emergency_stop_that_comes_with_the_end_still_goes_out(start: Start) -> None:
+    run = start()
+    run.until(lambda: len(run.states) >= 5)
+    assert run.buses[0].mode == Mode.LENGTH
+    run.order(STOP)
+    run.stop()
+    assert run.buses[0].mode == Mode.ZERO_CURRENT
+
+
+def test_no_frame_is_sent_before_the_node_gave_a_sign(start: Start) -> None:
+    run = start()
+    run.beats = False
+    told = run.status
+    run.until(lambda: run.status is not told)
+    assert run.buses[0].sent == 0
 
 
 def test_the_end_of_the_channel_ends_the_loop_and_closes_its_buses(start: Start) -> None:
@@ -321,6 +366,7 @@ def test_without_a_sign_of_the_node_no_frame_is_sent(start: Start) -> None:
 
 def test_when_the_node_gives_a_sign_again_frames_are_sent_again(start: Start) -> None:
     run = start(patience=0.2)
+    run.until(lambda: len(run.states) >= 1)
     run.beats = False
     run.until(lambda: run.counted("unsupervised_periods") >= 2)
     run.beats = True

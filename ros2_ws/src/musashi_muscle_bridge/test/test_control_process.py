@@ -75,7 +75,7 @@ class FarEnd:
 class Node:
     """What the bridge's node does with a control process."""
 
-    def __init__(self, robot: Robot, url: str) -> None:
+    def __init__(self, robot: Robot, url: str, wanted: Callable[[], bool] = lambda: True) -> None:
         limits = command_limits(robot, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
         control = ControlPeriod(robot, limits, WatchdogAction.ZERO_CURRENT, 0.1, 77)
         self.measured: list[Measurement] = []
@@ -85,6 +85,7 @@ class Node:
             LoopTask(control, [url], 200.0, patience=SOON),
             lambda measured: self.publish(measured),
             self.complaints.append,
+            wanted,
         )
 
     def until(self, condition: Callable[[], bool]) -> None:
@@ -125,6 +126,22 @@ def test_a_bus_that_cannot_be_opened_is_an_error_with_its_reason(hoist: Robot) -
         Node(hoist, "pigeon://x")
 
 
+def test_a_start_that_is_not_wanted_any_more_is_given_up(hoist: Robot) -> None:
+    with pytest.raises(BusError, match=r"^the control process does not start$"):
+        Node(hoist, "udp://127.0.0.1:9", wanted=lambda: False)
+
+
+def test_a_process_that_stands_still_does_not_answer(node: Node) -> None:
+    node.until(lambda: node.process.answers)
+    os.kill(node.process.pid, signal.SIGSTOP)
+    try:
+        node.until(lambda: not node.process.answers)
+        assert node.process.alive
+    finally:
+        os.kill(node.process.pid, signal.SIGCONT)
+    node.until(lambda: node.process.answers)
+
+
 def test_frames_stop_when_the_process_is_stopped(node: Node, boards: FarEnd) -> None:
     node.until(lambda: len(node.measured) >= 1)
     node.process.stop()
@@ -155,9 +172,14 @@ def test_an_order_that_fails_ends_the_process_with_its_traceback(node: Node) -> 
     assert "IndexError: index 99 is out of bounds" in node.complaints[0]
 
 
-def test_ctrl_c_is_left_to_the_node(node: Node) -> None:
+def test_a_ctrl_c_in_the_nodes_terminal_does_not_reach_the_process(node: Node) -> None:
+    assert os.getsid(node.process.pid) != os.getsid(0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_ends_is_left_to_the_node(node: Node, number: signal.Signals) -> None:
     node.until(lambda: len(node.measured) >= 1)
-    os.kill(node.process.pid, signal.SIGINT)
+    os.kill(node.process.pid, number)
     node.measured.clear()
     node.until(lambda: len(node.measured) >= 50)
 
@@ -177,6 +199,20 @@ def test_a_state_that_cannot_be_published_is_told_once_and_the_next_one_is_tried
     assert complaint.endswith("ValueError: no publisher\n")
 
 
+def test_what_cannot_be_published_in_time_is_dropped_for_newer_states(node: Node) -> None:
+    delivered: list[float] = []
+
+    def slowly(measured: Measurement) -> None:
+        time.sleep(0.05)
+        delivered.append(time.monotonic() - measured.received)
+
+    node.publish = slowly
+    node.until(lambda: len(delivered) >= 60)
+    assert node.process.unpublished > 0
+    # Of 200 in a second: at most 4 that wait, and those that came while they were delivered.
+    assert sorted(delivered)[30] < 0.5
+
+
 NODE = """
 import sys, time
 from pathlib import Path
@@ -190,17 +226,20 @@ time.sleep(60.0)
 """
 
 
-def test_when_the_node_is_killed_its_control_process_ends(musashi: Robot) -> None:
-    boards = FarEnd(musashi)
+@pytest.fixture
+def boards_of_musashi(musashi: Robot) -> Iterator[FarEnd]:
+    far_end = FarEnd(musashi)
+    yield far_end
+    far_end.close()
+
+
+def test_when_the_node_is_killed_its_control_process_ends(boards_of_musashi: FarEnd) -> None:
     here = Path(__file__).parent
     robot = here.parent / "description/musashi_left_arm.yaml"
-    command = [sys.executable, "-c", NODE, str(here), str(robot), boards.url]
+    command = [sys.executable, "-c", NODE, str(here), str(robot), boards_of_musashi.url]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
         pid = int(other.stdout.readline())
         other.kill()
-    try:
-        until(lambda: not Path(f"/proc/{pid}").exists())
-        assert boards.heard > 0.0
-    finally:
-        boards.close()
+    until(lambda: not Path(f"/proc/{pid}").exists())
+    assert boards_of_musashi.heard > 0.0
