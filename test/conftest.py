@@ -246,8 +246,9 @@ class Suite:
         def held() -> bool:
             nonlocal cleared
             if time.monotonic() - cleared > _CLEAR_AGAIN_SEC:
-                self.trigger("clear_faults")
-                cleared = time.monotonic()
+                # A bridge that has just come back refuses until it knows that it is obeyed.
+                answer = self.ask(Trigger, "clear_faults", Trigger.Request())
+                cleared = time.monotonic() if answer.success else -np.inf
             return self._all_in(MuscleState.MODE_LENGTH)
 
         self.until("all muscles to hold", held)

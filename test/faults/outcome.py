@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
+import pytest
 from bench import HOLD, NODES, Bench, Disturbed
 from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO
 from fault_rows import Row, Safe
@@ -168,7 +169,11 @@ def _wait_until_seen(bench: Bench, row: Row) -> dict[str, str]:
                 seen.setdefault(place, text)
         return len(seen) == len({place for place, _ in row.sees})
 
-    bench.suite.until(f"an operator to see {row.sees}, seen: {seen}", all_seen)
+    try:
+        bench.suite.until(f"an operator to see {row.sees}", all_seen)
+    except pytest.fail.Exception as error:
+        swing = bench.swing and (bench.swing.result or bench.swing.phases[-1:])
+        pytest.fail(f"{error}\nswing: {swing}; seen: {seen}")
     return seen
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
-from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -303,8 +303,10 @@ class BridgeNode(ManagedNode):
     # States.
 
     def _publish(self, measured: Measurement) -> None:
-        age = Duration(nanoseconds=round((time.monotonic() - measured.received) * 1e9))
-        header = Header(stamp=(self.get_clock().now() - age).to_msg())
+        age = round((time.monotonic() - measured.received) * 1e9)
+        # A simulated clock may not have begun yet.
+        now = self.get_clock().now().nanoseconds
+        header = Header(stamp=Time(nanoseconds=max(now - age, 0)).to_msg())
         rows, joints = measured.state.rows, measured.state.joints
         silent = measured.lost & (rows["fault"] == Fault.NONE)
         fault = np.where(silent, np.uint8(Fault.BUS), rows["fault"])

@@ -31,6 +31,8 @@ _STANDING_SEC = 0.5
 """Without news of the control process, which tells ten times a second."""
 _KEPT = 4
 """Measurements that may wait for their publication: fresh ones matter more than all of them."""
+_OLD_SEC = 0.1
+"""Age of measurements that are not published any more."""
 _PROGRAM = "from musashi_muscle_bridge.control_process import main; main()"
 
 
@@ -61,7 +63,7 @@ class ControlProcess:
     """The node's side: starts the process, gives it orders, and takes what it measures.
 
     status       the newest LoopStatus
-    unpublished  measurements that were dropped because newer ones waited
+    unpublished  measurements that were dropped because they were old, or newer ones waited
     failures     measurements whose publication raised
     alive        whether the process runs
     """
@@ -86,6 +88,7 @@ class ControlProcess:
         self._complain = complain
         self.unpublished = 0
         self.failures = 0
+        self._told = 0.0  # when the newest measurement was made [s]
         self._stopping = False
         self._channel, theirs = channel_pair()
         with theirs:
@@ -129,7 +132,7 @@ class ControlProcess:
     @property
     def silence(self) -> float:
         """How long the process has told nothing [s]."""
-        return time.monotonic() - self.status.time
+        return time.monotonic() - max(self._told, self.status.time)
 
     @property
     def answers(self) -> bool:
@@ -166,11 +169,19 @@ class ControlProcess:
                     self.status = one
                 else:
                     self._complain(f"the control process died:\n{one.text}")
-            self.unpublished += max(len(measured) - _KEPT, 0)
-            for one in measured[-_KEPT:]:
-                self._deliver(one)
+            self._take_measurements(measured)
         if not self._stopping:
             self._complain("the control process ended")
+
+    def _take_measurements(self, measured: list[Measurement]) -> None:
+        if measured:
+            self._told = max(self._told, measured[-1].received)
+        fresh_from = time.monotonic() - _OLD_SEC
+        for number, one in enumerate(measured, start=1):
+            if number > len(measured) - _KEPT and one.received > fresh_from:
+                self._deliver(one)
+            else:
+                self.unpublished += 1
 
     def _deliver(self, measured: Measurement) -> None:
         try:
