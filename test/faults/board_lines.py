@@ -94,6 +94,11 @@ class BoardLines:
             found.append(line)
         return found[::-1]
 
+    def letting_go(self, time: float) -> bool:
+        """Whether the last command until a time [s] let a muscle go."""
+        before = next((line for line in reversed(self.commands) if line.time <= time), None)
+        return before is not None and ZERO in before.modes
+
     # What counts as safe: each returns when it was reached [s], None if not yet.
 
     def held_since(self, time: float, without: frozenset[int] = frozenset()) -> float | None:

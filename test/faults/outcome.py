@@ -84,6 +84,8 @@ def _attempt(bench: Bench, row: Row) -> Outcome:
     outcome = Outcome(row.name)
     start = time.monotonic()
     row.inject(bench)
+    if row.phase == "swing" and not bench.lines.letting_go(start):
+        raise Disturbed("the fault came too late: no muscle was let go any more")
     outcome.safe_after = _wait_until_safe(bench, row, start)
     outcome.seen = _wait_until_seen(bench, row)
     _judge(bench, outcome, start)
