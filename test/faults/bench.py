@@ -1,11 +1,12 @@
 """All nodes running, a way to any phase of a swing, and a way back to a sound arm."""
 
+import math
 import re
 import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from board_lines import ZERO, BoardLines
 from diagnostic_msgs.msg import DiagnosticArray
@@ -46,16 +47,22 @@ class Disturbed(Exception):
 
 
 class Swing:
-    """A goal on its way: the phases seen, and its result when there is one."""
+    """A goal on its way: what is told of it, and its result when there is one.
+
+    distance_to_end  [rad] NaN before it is told
+    """
 
     def __init__(self, suite: "Suite", method: int) -> None:
         """Send the robot's own swing."""
         self.phases: list[int] = []
+        self.distance_to_end = math.nan
         goal = suite.goal(options=SwingOptions(method=method))
-        self._handle = suite.send_goal(
-            goal, lambda message: self.phases.append(message.feedback.phase)
-        )
+        self._handle = suite.send_goal(goal, self._on_feedback)
         self._future = self._handle.get_result_async()
+
+    def _on_feedback(self, message: Any) -> None:
+        self.phases.append(message.feedback.phase)
+        self.distance_to_end = message.feedback.distance_to_end
 
     @property
     def ended(self) -> bool:

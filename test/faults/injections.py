@@ -266,8 +266,12 @@ def no_clock(bench: Bench) -> None:
 
 def swing_by_task_code(bench: Bench) -> bool:
     """Let another process ask for the swing; wait until muscles are let go."""
+    since = time.monotonic()
     _task_code(bench, "swing")
-    bench.suite.until("muscles let go", lambda: ZERO in bench.lines.commands[-1].modes)
+    bench.suite.until(
+        "muscles let go",
+        lambda: any(ZERO in line.modes for line in bench.lines.commands_since(since)),
+    )
     return True
 
 

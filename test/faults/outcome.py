@@ -11,9 +11,11 @@ from bench import HOLD, NODES, Bench, Disturbed
 from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO
 from fault_rows import Row, Safe
 
+from fastswing_planner.swing_execution import ExecutionSettings
 from musashi_muscle_bridge.control import command_limits
 
 ATTEMPTS = 8
+ARRIVAL_TOLERANCE = ExecutionSettings().arrival_tolerance
 PERIOD_SEC = 0.002
 _STALLED = ("STALE_STATE", "FAULT_LATCHED", "joint states stopped", "PHASE_TIMEOUT")
 _ROUNDING = 2e-4  # of the wire's 32-bit numbers and of the log
@@ -84,13 +86,19 @@ def _attempt(bench: Bench, row: Row) -> Outcome:
     outcome = Outcome(row.name)
     start = time.monotonic()
     row.inject(bench)
-    if row.phase == "swing" and not bench.lines.letting_go(start):
-        raise Disturbed("the fault came too late: no muscle was let go any more")
+    if row.phase == "swing" and not _in_time(bench, start):
+        raise Disturbed("the fault came too late: the arm was there")
     outcome.safe_after = _wait_until_safe(bench, row, start)
     outcome.seen = _wait_until_seen(bench, row)
     _judge(bench, outcome, start)
     _recover(bench, row, outcome)
     return outcome
+
+
+def _in_time(bench: Bench, start: float) -> bool:
+    swing = bench.swing
+    there = swing is not None and swing.distance_to_end < 2.0 * ARRIVAL_TOLERANCE
+    return bench.lines.letting_go(start) and not there
 
 
 def _wait_until_safe(bench: Bench, row: Row, start: float) -> float | None:
