@@ -333,6 +333,7 @@ def kill_recorder(bench: Bench) -> None:
     _record(bench, bench.folder / f"bag_{time.monotonic_ns()}.mcap")
     bench.suite.let_states_pass(20)
     bench.kill("record")
+    bench.suite.processes.pop("record")
 
 
 def _record(bench: Bench, output: Path) -> None:
@@ -341,7 +342,7 @@ def _record(bench: Bench, output: Path) -> None:
     def end() -> None:
         process.send(signal.SIGINT)
         process.wait(60.0)
-        bench.suite.processes.pop("record", None)
+        bench.suite.processes.pop("record", None)  # another fault may have taken it
 
     bench.extra.insert(0, end)
     bench.suite.until("the recorder's diagnostics", lambda: "recorder" in bench.suite.diagnostics)

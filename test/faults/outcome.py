@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bench import HOLD, NODES, Bench, Disturbed
-from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO
+from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO, BoardLines
 from fault_rows import Row, Safe
 
 from fastswing_planner.swing_execution import ExecutionSettings
@@ -84,9 +84,10 @@ def _attempt(bench: Bench, row: Row) -> Outcome:
         bench.suite.until("the arm to be held", lambda: bench.lines.held_since(now) is not None)
     bench.suite.diagnostics.clear()
     outcome = Outcome(row.name)
+    lines = bench.lines  # the fault may end the boards, and their log
     start = time.monotonic()
     row.inject(bench)
-    if row.phase == "swing" and not _in_time(bench, start):
+    if row.phase == "swing" and not _in_time(bench, lines, start):
         raise Disturbed("the fault came too late: the arm was there")
     outcome.safe_after = _wait_until_safe(bench, row, start)
     outcome.seen = _wait_until_seen(bench, row)
@@ -95,10 +96,11 @@ def _attempt(bench: Bench, row: Row) -> Outcome:
     return outcome
 
 
-def _in_time(bench: Bench, start: float) -> bool:
+def _in_time(bench: Bench, lines: BoardLines, start: float) -> bool:
+    lines.poll()
     swing = bench.swing
     there = swing is not None and swing.distance_to_end < 2.0 * ARRIVAL_TOLERANCE
-    return bench.lines.letting_go(start) and not there
+    return lines.letting_go(start) and not there
 
 
 def _wait_until_safe(bench: Bench, row: Row, start: float) -> float | None:
