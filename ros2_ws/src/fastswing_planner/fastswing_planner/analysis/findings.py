@@ -11,7 +11,6 @@ from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.swing_finding import (
     FindingSettings,
     armed_intervals,
-    fastest_joint_speed,
     segments,
 )
 from fastswing_planner.analysis.topic_timing import TopicTiming, topic_timing
@@ -70,32 +69,29 @@ def _remarks(
     recording: Recording, swings: Sequence[MeasuredSwing], settings: FindingSettings
 ) -> list[str]:
     """Return why there is no swing, and where the clock jumped."""
-    joints = recording.joints
+    time, speed = recording.speed.time, recording.speed.speed
     space = f"{recording.namespace}: " if recording.namespace else ""
     lines = []
-    pieces = segments(joints.time, settings.longest_gap)
+    pieces = segments(time, settings.longest_gap)
     for (_, last), (first, _) in pairwise(pieces):
-        step = float(joints.time[first] - joints.time[last])
+        step = float(time[first] - time[last])
         what = "the clock jumped back" if step < 0.0 else "no joint state came"
         lines.append(
-            f"{space}{what} for {abs(step):.2f} s at {joints.time[last]:.2f} s; "
-            "no swing is read across it"
+            f"{space}{what} for {abs(step):.2f} s at {time[last]:.2f} s; no swing is read across it"
         )
     if len(lines) > _MOST_JUMPS:
         more = len(lines) - _MOST_JUMPS
         lines = [*lines[:_MOST_JUMPS], f"{space}and {more} more such places"]
     if swings:
         return lines
-    speed = fastest_joint_speed(joints.velocity)
     if not np.isfinite(speed).any():
         lines.append(f"{space}no swing: the joint states hold no velocity")
         return lines
-    row = int(np.nanargmax(speed))
-    name = joints.names[int(np.nanargmax(np.abs(joints.velocity[row])))]
     armed = len(armed_intervals(recording.status))
     told = f"; the inhibitor was armed {armed} times" if armed else ""
     lines.append(
-        f"{space}no swing: the fastest joint, {name}, reached {speed[row]:.2f} rad/s, a swing "
+        f"{space}no swing: the fastest joint, {recording.speed.fastest}, reached "
+        f"{np.nanmax(speed):.2f} rad/s, a swing "
         f"exceeds {settings.swing_speed:g} rad/s (--swing-speed){told}"
     )
     return lines

@@ -1,6 +1,6 @@
 """One swing of a recording: what was measured, beside what was predicted."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from fastswing_planner.analysis.swing_finding import (
     Burst,
     FindingSettings,
     armed_intervals,
-    fastest_joint_speed,
     find_bursts,
     moved_towards,
     swing_command,
@@ -142,11 +141,13 @@ def measure_swings(
     tolerance  [rad] norm of the distance to the end posture that counts as arrived
     """
     joints = recording.joints
-    speed = fastest_joint_speed(joints.velocity)
     armed = armed_intervals(recording.status)
-    bursts = find_bursts(joints.time, speed, armed, settings)
     swings: list[MeasuredSwing] = []
-    for burst in bursts:
+    for found in find_bursts(recording.speed.time, recording.speed.speed, armed, settings):
+        first, last, fastest = np.searchsorted(
+            joints.row, (found.first, found.last, found.fastest)
+        ).tolist()
+        burst = replace(found, first=first, last=last, fastest=fastest)
         plan, planned_other = _plan_of(recording, burst)
         if plan is not None and not burst.armed and _way(joints, plan, burst) < _LEAST_WAY:
             continue
@@ -237,11 +238,19 @@ def _measure(
 
 def _piece(burst: Burst, joints: JointSeries, shown: tuple[float, float]) -> slice:
     """Return the rows around a motion whose times rise without a break."""
-    time = joints.time
+    time, row = joints.time, joints.row
     first, last = burst.first, burst.last
-    while first > 0 and shown[0] <= time[first - 1] <= time[first]:
+    while (
+        first > 0
+        and row[first - 1] == row[first] - 1
+        and shown[0] <= time[first - 1] <= time[first]
+    ):
         first -= 1
-    while last + 1 < time.size and time[last] <= time[last + 1] <= shown[1]:
+    while (
+        last + 1 < time.size
+        and row[last + 1] == row[last] + 1
+        and time[last] <= time[last + 1] <= shown[1]
+    ):
         last += 1
     return slice(first, last + 1)
 
@@ -249,6 +258,7 @@ def _piece(burst: Burst, joints: JointSeries, shown: tuple[float, float]) -> sli
 def _joints_between(joints: JointSeries, rows: slice, start: float) -> JointSeries:
     return JointSeries(
         joints.names,
+        joints.row[rows],
         frozen(joints.time[rows] - start),
         frozen(joints.position[rows]),
         frozen(joints.velocity[rows]),
@@ -261,6 +271,9 @@ def _muscles_between(
     rows = np.flatnonzero((muscles.time >= begin) & (muscles.time <= end))
     if rows.size == 0:
         return None
+    # Where a clock ran backwards the same times come twice: the longer piece is this swing's.
+    pieces = np.split(rows, np.flatnonzero(np.diff(muscles.time[rows]) < 0.0) + 1)
+    rows = max(pieces, key=len)
     return MuscleSeries(
         muscles.names,
         frozen(muscles.time[rows] - start),

@@ -13,15 +13,31 @@ ZERO_CURRENT = 0
 
 
 @dataclass(frozen=True)
-class JointSeries:
-    """Measured joint states.
+class JointSpeed:
+    """How fast the arm was in every joint state of the recording.
 
+    time     [s] their stamps, shape (k,)
+    speed    [rad/s] of the fastest joint, shape (k,); NaN: not measured
+    fastest  the joint that was fastest of all; empty without any speed
+    """
+
+    time: Vector
+    speed: Vector
+    fastest: str = ""
+
+
+@dataclass(frozen=True)
+class JointSeries:
+    """Measured joint states, as many as are needed.
+
+    row       which joint states of the recording these are, rising, shape (k,)
     time      [s] their stamps, shape (k,)
     position  [rad] shape (k, n); NaN if the bag holds none
     velocity  [rad/s] shape (k, n)
     """
 
     names: tuple[str, ...]
+    row: NDArray[np.int64]
     time: Vector
     position: Matrix
     velocity: Matrix
@@ -84,12 +100,12 @@ class StatusSeries:
 class CommandSeries:
     """Length commands.
 
-    time     [s] shape (k,)
-    lengths  [m] by muscle, k mappings; muscles that are not named keep what they do
+    time  [s] shape (k,)
+    step  [m] largest change of a muscle's commanded length, shape (k,)
     """
 
     time: Vector
-    lengths: tuple[Mapping[str, float], ...]
+    step: Vector
 
 
 @dataclass(frozen=True)
@@ -155,12 +171,16 @@ class Recording:
     source     the bag's name, for people
     namespace  of its topics, without a slash at the end; empty: none
     began_ns   when it began, since 1970
+    speed      of all joint states
+    joints     the joint states around the fast motions, at least
+    muscles    the muscle states around them
     counters   increase of the counted rejections and losses, node -> name -> count
     warnings   what is wrong with the bag itself
     """
 
     source: str
     namespace: str
+    speed: JointSpeed
     joints: JointSeries
     began_ns: int = 0
     muscles: MuscleSeries | None = None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fastswing_planner.analysis.recording import CommandSeries, StatusSeries
-from fastswing_planner.arrays import BoolVector, Vector
+from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import InvalidLimit
 
 _COMMAND_BEFORE_SEC = 0.5
@@ -162,17 +162,9 @@ def swing_command(commands: CommandSeries | None, begin: float, fastest: float) 
     """
     if commands is None:
         return None
-    best: tuple[float, float] | None = None
-    known: dict[str, float] = {}
-    for time, lengths in zip(commands.time.tolist(), commands.lengths, strict=True):
-        step = max(
-            (abs(lengths[name] - known[name]) for name in lengths if name in known), default=0.0
-        )
-        known.update(lengths)
-        in_time = begin - _COMMAND_BEFORE_SEC <= time <= fastest
-        if in_time and step > _LEAST_STEP and (best is None or step > best[0]):
-            best = (step, time)
-    return None if best is None else best[1]
+    in_time = (commands.time >= begin - _COMMAND_BEFORE_SEC) & (commands.time <= fastest)
+    rows = np.flatnonzero(in_time & (commands.step > _LEAST_STEP))
+    return float(commands.time[rows[np.argmax(commands.step[rows])]]) if rows.size else None
 
 
 def moved_towards(start: Vector, end: Vector, begin: Vector, finish: Vector) -> float:
@@ -186,7 +178,7 @@ def moved_towards(start: Vector, end: Vector, begin: Vector, finish: Vector) -> 
     return float((finish - begin) @ way) / length if length > 0.0 else 0.0
 
 
-def fastest_joint_speed(velocity: Vector) -> Vector:
+def fastest_joint_speed(velocity: Matrix) -> Vector:
     """Return the largest magnitude of each row [rad/s], shape (k,); NaN where all are NaN.
 
     velocity  [rad/s] shape (k, n)
@@ -196,9 +188,3 @@ def fastest_joint_speed(velocity: Vector) -> Vector:
     known = ~np.isnan(velocity)
     largest = np.max(np.abs(velocity), axis=1, where=known, initial=0.0)
     return np.where(known.any(axis=1), largest, np.nan)
-
-
-def flags_between(time: Vector, start: float, end: float) -> BoolVector:
-    """Return which of `time` lie from `start` to `end`, all [s]."""
-    flags: BoolVector = (time >= start) & (time <= end)
-    return flags
