@@ -8,20 +8,15 @@ from typing import IO, cast
 
 from mcap.writer import CompressionType, Writer
 
+from fastswing_planner.bag_errors import BagError
 from fastswing_planner.bag_metadata import BagSummary, BagTopic, metadata_yaml, qos_yaml
-from fastswing_planner.errors import InvalidRequest, PlannerError
+from fastswing_planner.errors import InvalidRequest
 
 COMPRESSIONS = {
     "zstd": CompressionType.ZSTD,
     "lz4": CompressionType.LZ4,
     "none": CompressionType.NONE,
 }
-
-
-class BagError(PlannerError, OSError):
-    """A bag cannot be written; what was complete before stays readable."""
-
-    code_name = "NOT_READY"
 
 
 class BagExists(BagError, FileExistsError):
