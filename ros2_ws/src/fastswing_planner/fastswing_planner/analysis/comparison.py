@@ -12,7 +12,7 @@ from fastswing_planner.analysis.rank_sum import least_p_value, rank_sum_p_value
 SIGNIFICANT = 0.05
 """A smaller p-value counts as a difference."""
 COMPARED = (
-    "joint_speed",
+    "main_joint_speed",
     "time",
     "time_over_predicted",
     "muscle_speed",

@@ -31,7 +31,7 @@ def comparison_pictures(
 
 
 def _overlays(method: str, groups: Sequence[Sequence[MeasuredSwing]]) -> dict[str, bytes]:
-    joint = groups[0][0].fastest_joint.name
+    joint = groups[0][0].main_joint.name
     curves = {
         f"speed of {joint} [rad/s]": lambda swing: _joint_speed(swing, joint),
         "largest muscle speed [m/s]": _muscle_speed,

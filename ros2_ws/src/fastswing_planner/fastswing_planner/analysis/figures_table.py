@@ -41,14 +41,17 @@ def _muscle(which: str, figure: str) -> Callable[[MeasuredSwing], float]:
 
 
 FIGURES: Mapping[str, Figure] = {
-    "joint_speed": Figure(
-        "peak joint speed", "rad/s", 2, lambda swing: swing.fastest_joint.peak_speed
+    "main_joint_speed": Figure(
+        "peak speed of the main joint", "rad/s", 2, lambda swing: swing.main_joint.peak_speed
     ),
-    "predicted_joint_speed": Figure(
-        "predicted peak joint speed",
+    "predicted_main_joint_speed": Figure(
+        "predicted peak speed of the main joint",
         "rad/s",
         2,
-        lambda swing: swing.fastest_joint.predicted_peak_speed,
+        lambda swing: swing.main_joint.predicted_peak_speed,
+    ),
+    "joint_speed": Figure(
+        "peak speed of any joint", "rad/s", 2, lambda swing: swing.fastest_joint.peak_speed
     ),
     "time": Figure("time to the end posture", "s", 3, lambda swing: swing.arrival),
     "predicted_time": Figure("predicted time", "s", 2, lambda swing: swing.predicted_time),

@@ -109,8 +109,16 @@ class MeasuredSwing:
 
     @property
     def fastest_joint(self) -> JointFigures:
-        """The joint with the highest measured speed."""
+        """The joint with the highest measured speed, perhaps one that only swings along."""
         return max(self.joints, key=lambda joint: np.nan_to_num(joint.peak_speed, nan=-1.0))
+
+    @property
+    def main_joint(self) -> JointFigures:
+        """The joint that the plan moves farthest; without a plan the fastest."""
+        if self.plan is None:
+            return self.fastest_joint
+        name = self.plan.joint_names[int(np.argmax(np.abs(self.plan.end - self.plan.start)))]
+        return next(joint for joint in self.joints if joint.name == name)
 
     @property
     def fastest_muscle(self) -> MuscleFigures | None:
@@ -159,9 +167,10 @@ def _plan_of(recording: Recording, burst: Burst) -> tuple[RecordedPlan | None, b
     """Return the plan in force, and whether there was one that is not this motion's."""
     joints = recording.joints
     before = [plan for plan in recording.plans if plan.received <= joints.time[burst.fastest]]
-    if not before:
+    meanwhile = [plan for plan in recording.plans if plan.received <= joints.time[burst.last]]
+    if not meanwhile:
         return None, False
-    plan = before[-1]
+    plan = before[-1] if before else meanwhile[0]
     if not set(plan.joint_names) <= set(joints.names):
         return None, True
     if burst.begins_cut:

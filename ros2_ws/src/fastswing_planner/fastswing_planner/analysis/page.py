@@ -134,7 +134,7 @@ def _overview(findings: Sequence[BagFindings], limits: MotorLimits) -> str:
         name = f"{_text(swing.source)} <small>{swing.number}</small>"
         if linked:
             name = f'<a href="#{_anchor(swing)}">{name}</a>'
-        joint, muscle, tight = swing.fastest_joint, swing.fastest_muscle, swing.tightest_muscle
+        joint, muscle, tight = swing.main_joint, swing.fastest_muscle, swing.tightest_muscle
         cells = [
             _text(_swing_name(swing)),
             _of(_pair(joint.peak_speed, joint.predicted_peak_speed), joint.name),
@@ -239,7 +239,7 @@ def _notes(swing: MeasuredSwing) -> list[str]:
 
 
 def _tiles(swing: MeasuredSwing, limits: MotorLimits) -> str:
-    joint, muscle, tight = swing.fastest_joint, swing.fastest_muscle, swing.tightest_muscle
+    joint, muscle, tight = swing.main_joint, swing.fastest_muscle, swing.tightest_muscle
     tiles = [
         _tile(
             f"peak speed of {joint.name}",

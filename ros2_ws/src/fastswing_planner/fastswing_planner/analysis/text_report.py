@@ -68,7 +68,7 @@ def _bag_text(findings: BagFindings, limits: MotorLimits) -> str:
 
 def swing_cells(swing: MeasuredSwing, limits: MotorLimits) -> list[str]:
     """Return a swing's row below SWING_HEAD."""
-    joint, muscle, tight = swing.fastest_joint, swing.fastest_muscle, swing.tightest_muscle
+    joint, muscle, tight = swing.main_joint, swing.fastest_muscle, swing.tightest_muscle
     return [
         str(swing.number),
         swing.method,
