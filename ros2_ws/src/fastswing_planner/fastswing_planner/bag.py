@@ -29,7 +29,9 @@ from fastswing_planner.bag_errors import BagError, UndecodableMessage, UnknownTo
 from fastswing_planner.bag_files import bag_files
 from fastswing_planner.cdr_layout import decode
 from fastswing_planner.idl_schema import parse_ros2idl
-from fastswing_planner.mcap_file import McapFile, scan
+from fastswing_planner.mcap_file import McapFile
+from fastswing_planner.mcap_messages import Messages
+from fastswing_planner.mcap_scan import scan
 from fastswing_planner.message_columns import (
     ColumnDecoder,
     Columns,
@@ -47,6 +49,8 @@ TimeBase = Literal["log", "publish", "header"]
 _PARSERS = {"ros2msg": parse_ros2msg, "ros2idl": parse_ros2idl}
 _HEADER_TYPE = "std_msgs/msg/Header"
 _CHUNK = 16384
+_LARGEST_STEP_BACK_NS = 10_000_000
+"""[ns] messages may be recorded in another order than they came."""
 
 
 @dataclass(frozen=True)
@@ -188,15 +192,17 @@ class Bag:
         if time not in ("log", "publish", "header"):
             raise UnknownTopic(f"no time base '{time}'; choose from: log, publish, header")
         decoders: dict[Schema, _TopicDecoder] = {}
-        yielded = False
+        newest = -1
         for schema, batch in self._batches(topic, chunk):
             if schema not in decoders:
                 decoders[schema] = _TopicDecoder(topic, schema, time, fields)
-            yield decoders[schema].decode(batch)
-            yielded = True
-        if not yielded:
+            columns = decoders[schema].decode(batch)
+            self._check_order(columns, newest)
+            newest = int(columns.log_time_ns[-1])
+            yield columns
+        if newest == -1:
             schema = self._schema(*self._channels(topic)[0])
-            yield _TopicDecoder(topic, schema, time, fields).decode(_Batch())
+            yield _TopicDecoder(topic, schema, time, fields).decode([])
 
     def messages(self, topic: str) -> Iterator[tuple[int, SimpleNamespace]]:
         """Yield log time [ns] and message of a topic, in the order of recording.
@@ -204,14 +210,30 @@ class Bag:
         Fields are attributes, arrays and sequences are lists. Slower than columns, but for every
         layout. Raises UnknownTopic or UndecodableMessage.
         """
-        for schema, batch in self._batches(topic, 256):
-            for log_time, data in zip(batch.log_times, batch.data, strict=True):
-                yield log_time, _named(topic, decode, schema, data)
+        for schema, batch in self._batches(topic, 1):
+            for messages in batch:
+                times = messages.log_time_ns.tolist()
+                for log_time, data in zip(times, messages.data(), strict=True):
+                    yield log_time, _named(topic, decode, schema, data)
 
     def raw_messages(self, topic: str) -> Iterator[tuple[int, int, bytes]]:
         """Yield log time [ns], publish time [ns] and CDR bytes of a topic's messages."""
-        for _, batch in self._batches(topic, 256):
-            yield from zip(batch.log_times, batch.publish_times, batch.data, strict=True)
+        for _, batch in self._batches(topic, 1):
+            for messages in batch:
+                times = messages.log_time_ns.tolist(), messages.publish_time_ns.tolist()
+                yield from zip(*times, messages.data(), strict=True)
+
+    def _check_order(self, columns: Columns, newest: int) -> None:
+        """Warn if the recorder's clock went back after the time `newest` [ns] or later."""
+        steps = np.diff(columns.log_time_ns, prepend=newest if newest >= 0 else 0)
+        if steps.size and steps.min() < -_LARGEST_STEP_BACK_NS:
+            at = int(steps.argmin())
+            line = (
+                f"{columns.topic}: the recorder's clock went back by {-steps[at] * 1e-9:.3f} s, "
+                f"to {columns.log_time_ns[at] * 1e-9:.3f} s"
+            )
+            if line not in self._own_warnings:
+                self._own_warnings.append(line)
 
     def _title(self) -> str:
         return ", ".join(path.name for path in self.paths)
@@ -246,48 +268,24 @@ class Bag:
             self._schemas[key] = _PARSERS[record.encoding](record.name, text)
         return self._schemas[key]
 
-    def _batches(self, topic: str, size: int) -> Iterator[tuple[Schema, "_Batch"]]:
-        """Yield a topic's messages in batches of one type and of about `size`."""
+    def _batches(self, topic: str, size: int) -> Iterator[tuple[Schema, list[Messages]]]:
+        """Yield a topic's messages in batches of one type, of `size` or the rest of a block."""
         channels = self._channels(topic)
         for file in self._files:
-            mine = [channel for owner, channel in channels if owner is file]
-            if not mine:
-                continue
-            schemas = [self._schema(file, channel) for channel in mine]
-            batches = [_Batch() for _ in mine]
-            sinks = {channel.id: batch.add for channel, batch in zip(mine, batches, strict=True)}
-            for _ in file.read(sinks):
-                for schema, batch in zip(schemas, batches, strict=True):
-                    while len(batch.data) >= size:
-                        yield schema, batch.take(size)
-            for schema, batch in zip(schemas, batches, strict=True):
-                if batch.data:
-                    yield schema, batch
-
-
-class _Batch:
-    """Messages on their way from a file to a decoder."""
-
-    def __init__(self) -> None:
-        self.sequences: list[int] = []
-        self.log_times: list[int] = []
-        self.publish_times: list[int] = []
-        self.data: list[bytes] = []
-
-    def add(self, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
-        self.sequences.append(sequence)
-        self.log_times.append(log_time)
-        self.publish_times.append(publish_time)
-        self.data.append(data)
-
-    def take(self, size: int) -> "_Batch":
-        """Remove and return the first `size` messages."""
-        first = _Batch()
-        for name in ("sequences", "log_times", "publish_times", "data"):
-            values = getattr(self, name)
-            setattr(first, name, values[:size])
-            del values[:size]
-        return first
+            schemas = {c.id: self._schema(file, c) for owner, c in channels if owner is file}
+            waiting: list[Messages] = []
+            waiting_for = -1
+            for channel, messages in file.read(schemas):
+                if waiting and channel != waiting_for:
+                    yield schemas[waiting_for], waiting
+                    waiting = []
+                waiting.append(messages)
+                waiting_for = channel
+                if sum(map(len, waiting)) >= size:
+                    yield schemas[channel], waiting
+                    waiting = []
+            if waiting:
+                yield schemas[waiting_for], waiting
 
 
 class _TopicDecoder:
@@ -305,10 +303,11 @@ class _TopicDecoder:
         self._decoder = ColumnDecoder(schema, wanted)
         self._hidden = set(wanted or ()) - set(fields or ())
 
-    def decode(self, batch: _Batch) -> Columns:
-        fields = _named(self._topic, self._decoder.decode, batch.data)
-        log_time = np.array(batch.log_times, dtype=np.uint64).astype(np.int64)
-        publish_time = np.array(batch.publish_times, dtype=np.uint64).astype(np.int64)
+    def decode(self, batch: Sequence[Messages]) -> Columns:
+        fields = _named(self._topic, self._decoder.decode, batch)
+        none = [Messages.none()]
+        log_time = np.concatenate([part.log_time_ns for part in batch or none])
+        publish_time = np.concatenate([part.publish_time_ns for part in batch or none])
         times = {"log": log_time, "publish": publish_time}
         time_ns = times[self._time] if self._time in times else self._header_time(fields)
         return Columns(
@@ -316,7 +315,7 @@ class _TopicDecoder:
             time_ns,
             log_time,
             publish_time,
-            np.array(batch.sequences, dtype=np.uint32),
+            np.concatenate([part.sequence for part in batch or none]),
             {path: column for path, column in fields.items() if path not in self._hidden},
         )
 

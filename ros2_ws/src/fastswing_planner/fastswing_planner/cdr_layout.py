@@ -22,6 +22,9 @@ from fastswing_planner.message_schema import (
 
 HEADER_SIZE = 4
 _MAX_PADDING = 3
+_MAX_PADDING_FOR_EMPTY = 4
+"""[bytes] Fast DDS reserves the alignment of elements that do not follow, at the message's end."""
+
 _CODES = {
     "bool": "?",
     "int8": "b",
@@ -87,6 +90,7 @@ class _Cursor:
         self.order = "<" if self.little_endian else ">"
         self.at = HEADER_SIZE
         self.structure = [0, 1]
+        self._empty = 0
         self._word = struct.Struct(f"{self.order}I")
 
     def align(self, size: int) -> None:
@@ -132,6 +136,7 @@ class _Cursor:
         if field.repeat is not Repeat.SEQUENCE:
             return field.count
         count = self.length()
+        self._empty += count == 0
         if count > len(self.data) - self.at:  # each element needs a byte at least
             raise UndecodableMessage(
                 f"a {self.schema.name} of {len(self.data)} bytes has a sequence of {count} elements"
@@ -139,7 +144,8 @@ class _Cursor:
         return count
 
     def finish(self) -> None:
-        if len(self.data) - self.at > _MAX_PADDING:
+        allowed = _MAX_PADDING + self._empty * _MAX_PADDING_FOR_EMPTY
+        if len(self.data) - self.at > allowed:
             raise UndecodableMessage(
                 f"a {self.schema.name} of {len(self.data)} bytes is longer than its definition "
                 f"says, {self.at} bytes"

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from fastswing_planner.bag_errors import UndecodableMessage, UnknownTopic
 from fastswing_planner.cdr_layout import Layout, Leaf, layout_of, text_of
+from fastswing_planner.mcap_messages import Messages
 from fastswing_planner.message_schema import Repeat, Schema, is_message
 
 Column = npt.NDArray[Any]
@@ -114,7 +115,7 @@ class ColumnDecoder:
             self.paths = {path: dtype for path, dtype in self.paths.items() if path in set(fields)}
         self._layouts: dict[int, list[Layout]] = {}
 
-    def decode(self, messages: Sequence[bytes]) -> dict[str, Column]:
+    def decode(self, messages: Sequence[Messages]) -> dict[str, Column]:
         """Return a column for each field; raises UndecodableMessage."""
         parts: dict[str, list[tuple[npt.NDArray[np.intp], Column]]] = {
             path: [] for path in self.paths
@@ -126,7 +127,8 @@ class ColumnDecoder:
                     if leaf.path in parts:
                         column = _column(matrix, layout, leaf)
                         parts[leaf.path].append((places[chosen], column))
-        return {path: _assembled(parts[path], len(messages), self.paths[path]) for path in parts}
+        count = sum(map(len, messages))
+        return {path: _assembled(parts[path], count, self.paths[path]) for path in parts}
 
     def _matches(self, rows: Bytes) -> Iterator[tuple[npt.NDArray[np.intp], Layout]]:
         """Yield each layout with the rows that follow it; together they are all rows."""
@@ -193,18 +195,13 @@ def _repeats(column: Column, first: Column) -> bool:
     )
 
 
-def _by_size(messages: Sequence[bytes]) -> Iterator[tuple[npt.NDArray[np.intp], Bytes]]:
+def _by_size(messages: Sequence[Messages]) -> Iterator[tuple[npt.NDArray[np.intp], Bytes]]:
     """Yield messages of equal size as rows, with their places among all."""
-    sizes = np.fromiter(map(len, messages), dtype=np.intp, count=len(messages))
-    for size in np.unique(sizes):
-        places = np.flatnonzero(sizes == size)
-        chosen = (
-            messages
-            if places.size == len(messages)
-            else [messages[place] for place in places.tolist()]
-        )
-        rows = np.frombuffer(b"".join(chosen), dtype=np.uint8).reshape(places.size, int(size))
-        yield places, rows
+    if not messages:
+        return
+    sizes = np.concatenate([part.size for part in messages])
+    for size in np.unique(sizes).tolist():
+        yield np.flatnonzero(sizes == size), np.concatenate([p.rows(size) for p in messages])
 
 
 def _fits(rows: Bytes, left: npt.NDArray[np.intp], layout: Layout) -> npt.NDArray[np.bool_]:
