@@ -101,7 +101,7 @@ def recording(rate: float = 200.0, until: float = 6.0) -> Recording:
     )
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def recorded() -> Callable[..., Recording]:
     """Return the recording with some of its parts exchanged."""
 

@@ -199,25 +199,8 @@ def test_what_the_nodes_counted_meanwhile_is_told(bag: Path, analyse: Run) -> No
 
 def test_the_table_shows_measured_beside_predicted(bag: Path, analyse: Run) -> None:
     line = next(line for line in analyse(bag).out.splitlines() if line.startswith("1  "))
-    assert line.split() == (
-        [
-            "1",
-            "inhibit",
-            "3.98",
-            "3.00",
-            "(3.50)",
-            "E-p",
-            "0.88",
-            "(0.75)",
-            "0.50",
-            "#9",
-            "#9",
-            "170",
-            "#1",
-            "#9",
-            "#10",
-        ]
-    )
+    expected = "1 inhibit 3.98 3.00 (3.50) E-p 0.88 (0.75) 0.50 #9 #9 170 #1 #9 #10"
+    assert " ".join(line.split()) == expected
 
 
 def test_output_is_a_page_a_record_and_a_picture_for_each_swing(
@@ -407,9 +390,9 @@ def test_a_clock_that_jumps_is_told_and_what_is_whole_is_still_measured(
             message.header.stamp.sec += 100
     answer = analyse(made.write(), "--json")
     assert len(answer.record["bags"][0]["swings"]) == 1
-    (line,) = lines_of(answer)
-    assert line.startswith("the clock jumped back for 9")
-    assert line.endswith("no swing is read across it")
+    assert lines_of(answer) == [
+        "the clock jumped back for 100.00 s at 100.99 s; no swing is read across it"
+    ]
 
 
 def test_a_truncated_bag_is_read_as_far_as_it_goes(bag: Path, analyse: Run) -> None:
