@@ -134,11 +134,11 @@ def _overview(findings: Sequence[BagFindings], limits: MotorLimits) -> str:
         name = f"{_text(swing.source)} <small>{swing.number}</small>"
         if linked:
             name = f'<a href="#{_anchor(swing)}">{name}</a>'
+        name += f"<br><small>{_text(_swing_name(swing))}</small>"
         joint, muscle, tight = swing.main_joint, swing.fastest_muscle, swing.tightest_muscle
         cells = [
-            _text(_swing_name(swing)),
-            _of(_pair(joint.peak_speed, joint.predicted_peak_speed), joint.name),
             _pair(swing.arrival, swing.predicted_time),
+            _of(_pair(joint.peak_speed, joint.predicted_peak_speed), joint.name),
             "–" if muscle is None else _of(f"{muscle.peak_speed:.2f}", muscle.name),
             _beyond(swing, limits),
             "–" if tight is None else _of(f"{tight.peak_tension:.0f}", tight.name),
@@ -146,18 +146,17 @@ def _overview(findings: Sequence[BagFindings], limits: MotorLimits) -> str:
         rows.append(_row([name, *cells]))
     head = (
         "swing",
-        "method",
-        "peak joint speed [rad/s]",
         "time [s]",
-        "largest muscle speed [m/s]",
+        "joint speed [rad/s]",
+        "muscle speed [m/s]",
         "beyond limits",
-        "largest tension [N]",
+        "tension [N]",
     )
     title = "Contents" if linked else "Summary"
     tag = "nav" if linked else "section"
     return (
         f'<{tag} id="contents"><h2>{title}</h2>{_wide_table(head, rows)}'
-        f'<p class="small">Measured, and <i>predicted</i> by the plan in the bag.</p></{tag}>'
+        f'<p class="small">Peaks, measured and <i>predicted</i> by the plan in the bag.</p></{tag}>'
     )
 
 

@@ -46,23 +46,30 @@ th, td { padding: .3rem .9rem .3rem 0; border-bottom: 1px solid var(--line); tex
 thead th { color: var(--soft); font-weight: 600; font-size: .8125rem; border-bottom: 2px solid
   var(--soft); white-space: normal; vertical-align: bottom; }
 tbody th { font-weight: 600; } td small, th small { color: var(--soft); font-weight: normal; }
-@media (max-width: 52rem) {
+@media screen and (max-width: 52rem) {
   main { padding: .5rem; } header, section, nav { padding: .8rem; border-radius: 8px; }
   .tables { grid-template-columns: minmax(0, 1fr); }
   .tiles { grid-template-columns: repeat(2, minmax(0, 1fr)); }
+  thead th { white-space: nowrap; }
 }
 @media print {
-  @page { size: A4 landscape; margin: 11mm; }
-  body { background: #fff; font-size: 10pt; }
+  @page { size: A4 landscape; margin: 10mm; }
+  body { background: #fff; font-size: 9pt; line-height: 1.35; }
   main { max-width: none; padding: 0; }
   header { background: #fff; color: #000; border-bottom: 2px solid #000; border-radius: 0;
     padding: 0 0 .4rem; }
   header .kind, header p:last-child { color: #333; }
-  section, nav { border: 0; padding: 0; } .tile { border: 1px solid var(--line); }
-  .swing { break-before: page; } .wide { overflow: visible; }
+  section, nav { border: 0; padding: 0; }
+  .small { font-size: 8pt; } h1 { font-size: 16pt; } h2 { font-size: 12pt; }
+  .tiles { grid-template-columns: repeat(4, 1fr); margin: .3rem 0; }
+  .tile { border: 1px solid var(--line); padding: .3rem .6rem; }
+  .tile b { font-size: 13pt; }
+  .swing { break-before: page; } .wide { overflow: visible; margin: .2rem 0; }
   .pictures { grid-template-columns: repeat(3, 1fr); }
-  figure, tr, .tiles, .verdict { break-inside: avoid; }
-  a { color: inherit; text-decoration: none; }
-  table { font-size: 8.5pt; } th, td { padding: .12rem .7rem .12rem 0; }
+  .tables { gap: 0 2rem; grid-template-columns: minmax(0, 1fr) minmax(0, 2.4fr); }
+  figure, tr, .tiles, .verdict { break-inside: avoid; } h2, h3 { break-after: avoid; }
+  a { color: inherit; text-decoration: none; } ul { margin: .2rem 0; }
+  table { font-size: 8pt; } th, td { padding: .05rem .7rem .05rem 0; }
+  thead th { font-size: 7.5pt; }
 }
 """
