@@ -151,10 +151,8 @@ class Bag:
 
     def fields(self, topic: str) -> tuple[str, ...]:
         """Return the paths of a topic's columns; raises UnknownTopic or UndecodableMessage."""
-        found: dict[str, str] = {}
-        for file, channel in self._channels(topic):
-            found.update(field_paths(self._schema(file, channel)))
-        return tuple(found)
+        paths = [field_paths(self._schema(*found)) for found in self._channels(topic)]
+        return tuple(dict.fromkeys(path for found in paths for path in found))
 
     def columns(
         self, topic: str, time: TimeBase = "log", fields: Sequence[str] | None = None
