@@ -9,12 +9,14 @@
     joints.names("name")                          # ('S-p', 'S-r', ...)
     for part in bag.stream("/muscle_state"): ...  # the same in parts, memory stays flat
     for time_ns, plan in bag.messages("/swing_plan"): ...  # plain objects, nested ones too
-    bag.metadata["fastswing_recorder"]            # what the recorder says of itself
+    bag.lost                                      # topic -> messages the recorder knows it lost
+    bag.metadata                                  # metadata records: 'fastswing_recorder', ...
     bag.warnings                                  # what was recovered or lost; reading adds to it
 
 Everything here raises a `BagError` whose text is one line.
 """
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,6 +29,7 @@ from mcap.records import Channel
 
 from fastswing_planner.bag_errors import BagError, UndecodableMessage, UnknownTopic, UnreadableBag
 from fastswing_planner.bag_files import bag_files
+from fastswing_planner.bag_writer import NOTES
 from fastswing_planner.cdr_layout import decode
 from fastswing_planner.idl_schema import parse_ros2idl
 from fastswing_planner.mcap_file import McapFile
@@ -128,6 +131,15 @@ class Bag:
             for record in file.metadata
         ]
 
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages that our recorder knows it lost, by topic; empty if the bag does not say."""
+        try:
+            counts = json.loads(self.metadata[NOTES]["lost"])
+            return {str(topic): int(count) for topic, count in counts.items()}
+        except (KeyError, ValueError, AttributeError):
+            return {}
+
     def topics_of_type(self, type_name: str) -> list[str]:
         """Return the topics of a type that have messages, the one with most messages first."""
         found = [topic for topic in self._topics.values() if topic.type == type_name]
@@ -151,10 +163,8 @@ class Bag:
 
     def fields(self, topic: str) -> tuple[str, ...]:
         """Return the paths of a topic's columns; raises UnknownTopic or UndecodableMessage."""
-        found: dict[str, str] = {}
-        for file, channel in self._channels(topic):
-            found.update(field_paths(self._schema(file, channel)))
-        return tuple(found)
+        paths = [field_paths(self._schema(*found)) for found in self._channels(topic)]
+        return tuple(dict.fromkeys(path for found in paths for path in found))
 
     def columns(
         self, topic: str, time: TimeBase = "log", fields: Sequence[str] | None = None

@@ -8,6 +8,11 @@ class BagError(PlannerError, OSError):
 
     code_name = "NOT_READY"
 
+    def __str__(self) -> str:
+        """Return one line, whatever stands in the bag."""
+        text = super().__str__()
+        return "".join(letter if letter.isprintable() else " " for letter in text)
+
 
 class UnreadableBag(BagError):
     """No bag, or one of which nothing can be read."""

@@ -7,7 +7,7 @@ import lz4.frame
 import zstandard
 
 _CHUNK_HEAD = struct.Struct("<QQQII")
-_MAX_CHUNK = 1 << 32
+_MAX_CHUNK = 1 << 30
 
 
 def unpacked(data: bytes) -> tuple[bytes, str]:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Channel, Metadata, Schema, Statistics
 
 from fastswing_planner.bag_errors import UnreadableBag
 from fastswing_planner.mcap_chunk import unpacked
@@ -46,6 +46,7 @@ class McapFile:
     """What a file holds; `scan` makes it.
 
     counts    messages by channel id
+    statistics  the file's own, None if it has none
     indexed   whether the indices of its chunks name as many messages as its statistics
     warnings  what was recovered or lost, a line each; reading may add to them
     """
@@ -60,6 +61,7 @@ class McapFile:
     start_ns: int = 0
     end_ns: int = 0
     indexed: bool = False
+    statistics: Statistics | None = None
 
     def read(self, channels: Collection[int]) -> Iterator[tuple[int, Messages]]:
         """Yield the messages of some channels as recorded, block by block: channel id, messages."""
@@ -91,18 +93,20 @@ class McapFile:
             if not rows.size:
                 continue
             rows = rows[np.argsort(rows["place"], kind="stable")]
-            places = rows["place"].astype(np.int64)
-            if places[-1] > len(content) - HEAD.itemsize:
+            if rows["place"][-1] + HEAD.itemsize > len(content):
                 return None
+            places = rows["place"].astype(np.int64)
             heads = heads_at(content, places)
-            ends = places + PREFIX.size + heads["size"].astype(np.int64)
             right = (
                 (heads["code"] == MESSAGE)
                 & (heads["channel"] == channel)
                 & (heads["log_time"] == rows["log_time"])
-                & (ends <= len(content))
+                & (heads["size"] >= HEAD.itemsize - PREFIX.size)
+                & (heads["size"] <= len(content))
             )
-            if not right.all() or (places[1:] < ends[:-1]).any():
+            ends = places + PREFIX.size + heads["size"].astype(np.int64)
+            overlap = (places[1:] < ends[:-1]).any() or ends[-1] > len(content)
+            if overlap or not right.all():
                 return None
             found.append((channel, messages_at(content, places, heads)))
         return found

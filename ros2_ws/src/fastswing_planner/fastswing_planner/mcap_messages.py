@@ -86,7 +86,7 @@ def message_heads(content: bytes) -> tuple[npt.NDArray[np.int64], npt.NDArray[np
     at, last = 0, len(content) - PREFIX.size
     while at <= last:
         code, size = unpack(content, at)
-        if code == MESSAGE:
+        if code == MESSAGE and size >= HEAD.itemsize - PREFIX.size:
             found.append(at)
         at += 9 + size
     if found and (at > len(content) or found[-1] > len(content) - HEAD.itemsize):

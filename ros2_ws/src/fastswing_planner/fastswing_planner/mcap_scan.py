@@ -11,6 +11,7 @@ from typing import BinaryIO
 
 import numpy as np
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.records import Channel, Metadata, Schema, Statistics
 
 from fastswing_planner.bag_errors import UnreadableBag
@@ -41,7 +42,6 @@ class _Scanner:
         self._file = file
         self._stream = stream
         self._size = stream.seek(0, 2)
-        self._statistics: Statistics | None = None
         self._complete = False
 
     def run(self) -> None:
@@ -88,9 +88,6 @@ class _Scanner:
             self._extend_plain(begin - PREFIX.size, size + PREFIX.size)
         elif code in (_SCHEMA, _CHANNEL, _METADATA, _STATISTICS):
             _note_record(file, code, self._stream.read(size))
-            if code == _STATISTICS:
-                self._stream.seek(begin)
-                self._statistics = Statistics.read(ReadDataStream(self._stream))
         elif code == _FOOTER:
             self._complete = True
 
@@ -119,7 +116,7 @@ class _Scanner:
 
     def _must_unpack(self) -> bool:
         """Whether only the chunks themselves say what the file holds."""
-        file, statistics = self._file, self._statistics
+        file, statistics = self._file, self._file.statistics
         if not self._complete or statistics is None or not file.channels:
             return True
         chunks = [block for block in file.blocks if block.chunk]
@@ -131,10 +128,11 @@ class _Scanner:
         return not file.channels.keys() >= statistics.channel_message_counts.keys()
 
     def _add_up(self) -> None:
-        assert self._statistics is not None
-        self._file.counts.update(self._statistics.channel_message_counts)
-        self._file.start_ns = self._statistics.message_start_time
-        self._file.end_ns = self._statistics.message_end_time
+        statistics = self._file.statistics
+        assert statistics is not None
+        self._file.counts.update(statistics.channel_message_counts)
+        self._file.start_ns = statistics.message_start_time
+        self._file.end_ns = statistics.message_end_time
         indexed = [block.counts is not None for block in self._file.blocks]
         if not all(indexed):  # an empty index is none: which chunk lacks a channel is not known
             for block in self._file.blocks:
@@ -173,11 +171,16 @@ def _note_definitions(file: McapFile, content: bytes) -> None:
 
 def _note_record(file: McapFile, code: int, data: bytes) -> None:
     stream = ReadDataStream(BytesIO(data))
-    if code == _SCHEMA:
-        schema = Schema.read(stream)
-        file.schemas[schema.id] = schema
-    elif code == _CHANNEL:
-        channel = Channel.read(stream)
-        file.channels[channel.id] = channel
-    elif code == _METADATA:
-        file.metadata.append(Metadata.read(stream))
+    try:
+        if code == _SCHEMA:
+            schema = Schema.read(stream)
+            file.schemas[schema.id] = schema
+        elif code == _CHANNEL:
+            channel = Channel.read(stream)
+            file.channels[channel.id] = channel
+        elif code == _METADATA:
+            file.metadata.append(Metadata.read(stream))
+        elif code == _STATISTICS:
+            file.statistics = Statistics.read(stream)
+    except (McapError, ValueError, struct.error):
+        file.warn(f"a damaged record (code {code}) is left out")

@@ -112,7 +112,7 @@ class ColumnDecoder:
                     f"{schema.name} has no field '{path}'; choose from: {', '.join(self.paths)}"
                 )
         if fields is not None:
-            self.paths = {path: dtype for path, dtype in self.paths.items() if path in set(fields)}
+            self.paths = {path: self.paths[path] for path in fields}
         self._layouts: dict[int, list[Layout]] = {}
 
     def decode(self, messages: Sequence[Messages]) -> dict[str, Column]:
@@ -150,15 +150,16 @@ class ColumnDecoder:
             del known[:-_KEPT_LAYOUTS]
 
 
-def field_paths(schema: Schema) -> dict[str, str]:
-    """Return each field that has a column: path -> numpy dtype, 'O' for texts."""
-    found: dict[str, str] = {}
+def field_paths(schema: Schema) -> dict[str, Column]:
+    """Return each field that has a column: path -> the column of no messages."""
+    found: dict[str, Column] = {}
 
     def visit(type_name: str, prefix: str) -> None:
         for field in schema.types[type_name]:
             path = prefix + field.name
             if not is_message(field.type_name):
-                found[path] = _DTYPES.get(field.type_name, "O")
+                shape = (0,) if field.repeat is Repeat.ONCE else (0, field.count)
+                found[path] = np.empty(shape, _DTYPES.get(field.type_name, "O"))
             elif field.repeat is Repeat.ONCE:
                 visit(field.type_name, f"{path}.")
 
@@ -250,11 +251,11 @@ def _texts(region: Bytes) -> Column:
 
 
 def _assembled(
-    parts: Sequence[tuple[npt.NDArray[np.intp], Column]], count: int, dtype: str
+    parts: Sequence[tuple[npt.NDArray[np.intp], Column]], count: int, empty: Column
 ) -> Column:
     """Return the column whose rows stand in parts at their places."""
     if not parts:
-        return np.empty(0, dtype=dtype)
+        return empty
     first = parts[0][1]
     if len(parts) == 1:
         return first
