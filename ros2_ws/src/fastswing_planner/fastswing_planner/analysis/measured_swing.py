@@ -345,7 +345,7 @@ def _peaks(values: Matrix) -> Vector:
 def _joint_figures(
     joints: JointSeries, plan: RecordedPlan | None, rest: float
 ) -> tuple[JointFigures, ...]:
-    swinging = (joints.time >= 0.0) & (joints.time <= rest)
+    swinging = (joints.time > 0.0) & (joints.time <= rest)
     measured = _peaks(joints.velocity[swinging])
     predicted: dict[str, float] = {}
     if plan is not None:
@@ -365,7 +365,7 @@ def _muscle_figures(
 ) -> tuple[MuscleFigures, ...]:
     if muscles is None:
         return ()
-    swinging = (muscles.time >= 0.0) & (muscles.time <= rest)
+    swinging = (muscles.time > 0.0) & (muscles.time <= rest)
     speeds, tensions = _peaks(muscles.velocity[swinging]), _peaks(muscles.tension[swinging])
     predicted: dict[str, tuple[float, float, bool]] = {}
     if plan is not None:
