@@ -13,6 +13,7 @@ from fastswing_planner.analysis.recording import (
     Recording,
 )
 from fastswing_planner.analysis.swing_finding import (
+    STAMP_JITTER_SEC,
     Burst,
     FindingSettings,
     armed_intervals,
@@ -252,13 +253,13 @@ def _piece(burst: Burst, joints: JointSeries, shown: tuple[float, float]) -> sli
     while (
         first > 0
         and row[first - 1] == row[first] - 1
-        and shown[0] <= time[first - 1] <= time[first]
+        and shown[0] <= time[first - 1] <= time[first] + STAMP_JITTER_SEC
     ):
         first -= 1
     while (
         last + 1 < time.size
         and row[last + 1] == row[last] + 1
-        and time[last] <= time[last + 1] <= shown[1]
+        and time[last] - STAMP_JITTER_SEC <= time[last + 1] <= shown[1]
     ):
         last += 1
     return slice(first, last + 1)
@@ -280,8 +281,9 @@ def _muscles_between(
     rows = np.flatnonzero((muscles.time >= begin) & (muscles.time <= end))
     if rows.size == 0:
         return None
-    # Where a clock ran backwards the same times come twice: the longer piece is this swing's.
-    pieces = np.split(rows, np.flatnonzero(np.diff(muscles.time[rows]) < 0.0) + 1)
+    # Where a clock jumped back the same times come twice: the longer piece is this swing's.
+    back = np.diff(muscles.time[rows]) < -STAMP_JITTER_SEC
+    pieces = np.split(rows, np.flatnonzero(back) + 1)
     rows = max(pieces, key=len)
     return MuscleSeries(
         muscles.names,

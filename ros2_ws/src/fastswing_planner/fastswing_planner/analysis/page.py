@@ -62,7 +62,8 @@ def page(
     """
     swings = [swing for one in findings for swing in one.swings]
     styles = (joint_styles(swings), muscle_styles(swings))
-    body = [_head(findings, swings)]
+    title = _title(findings) if comparison is None else f"{groups[0]} beside {groups[1]}"
+    body = [_head(title, findings, swings)]
     if result is not None:
         body.append(_check(result))
     if comparison is not None:
@@ -73,7 +74,7 @@ def page(
         body += [_swing(swing, styles, limits) for swing in one.swings]
     body += [_bag(one) for one in findings]
     body.append(_words(swings))
-    return _PAGE.substitute(title=_text(_title(findings)), style=CSS, body="\n".join(body))
+    return _PAGE.substitute(title=_text(title), style=CSS, body="\n".join(body))
 
 
 def _text(value: object) -> str:
@@ -85,7 +86,7 @@ def _title(findings: Sequence[BagFindings]) -> str:
     return names + (f" and {len(findings) - 3} more" if len(findings) > 3 else "")
 
 
-def _head(findings: Sequence[BagFindings], swings: Sequence[MeasuredSwing]) -> str:
+def _head(title: str, findings: Sequence[BagFindings], swings: Sequence[MeasuredSwing]) -> str:
     count = f"{len(swings)} swing{'' if len(swings) == 1 else 's'}"
     began = [one.began_ns for one in findings if one.began_ns]
     when = f" · recorded {_date(min(began))}" if began else ""
@@ -93,7 +94,7 @@ def _head(findings: Sequence[BagFindings], swings: Sequence[MeasuredSwing]) -> s
     lines = [(one.source, line) for one in findings for line in one.lines]
     notes = "".join(f"<li><b>{_text(source)}</b> {_text(line)}</li>" for source, line in lines)
     return (
-        f'<header><p class="kind">Swing analysis</p><h1>{_text(_title(findings))}</h1>'
+        f'<header><p class="kind">Swing analysis</p><h1>{_text(title)}</h1>'
         f"<p>{bags}{count}{when}</p></header>"
         + (f'<ul class="notes">{notes}</ul>' if notes else "")
     )

@@ -14,6 +14,9 @@ _COMMAND_BEFORE_SEC = 0.5
 _LEAST_STEP = 1e-3
 """[m] smaller steps of a length command start no swing."""
 
+STAMP_JITTER_SEC = 0.01
+"""Stamps taken on a busy machine may run backwards by so much; farther, a clock jumped."""
+
 
 @dataclass(frozen=True)
 class FindingSettings:
@@ -69,14 +72,14 @@ class Interval:
 
 
 def segments(time: Vector, longest_gap: float) -> list[tuple[int, int]]:
-    """Split times [s], shape (k,), where they run backwards or stop for longer than `longest_gap`.
+    """Split times [s], shape (k,), where they jump back or stop for longer than `longest_gap`.
 
     Returns (first, last) of each piece, both included; together they are all of `time`.
     """
     if time.size == 0:
         return []
     step = np.diff(time)
-    edges = np.flatnonzero(~((step >= 0.0) & (step <= longest_gap)))
+    edges = np.flatnonzero(~((step >= -STAMP_JITTER_SEC) & (step <= longest_gap)))
     firsts = [0, *(edges + 1).tolist()]
     lasts = [*edges.tolist(), time.size - 1]
     return list(zip(firsts, lasts, strict=True))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fastswing_planner.analysis.recording import TopicTimes
+from fastswing_planner.analysis.swing_finding import STAMP_JITTER_SEC
 from fastswing_planner.arrays import Vector
 
 GAP_PERIODS = 3.0
@@ -37,7 +38,7 @@ class TopicTiming:
     missing      messages that a steady topic lacks in its gaps, by its stamps if it has any
     dropped      messages missing in the publisher's own count; None: it was not recorded, or
                  several publishers counted
-    jumps        how often its clock ran backwards
+    jumps        how often its clock jumped back, by more than STAMP_JITTER_SEC
     """
 
     name: str
@@ -74,7 +75,7 @@ def topic_timing(topic: TopicTimes) -> TopicTiming:
         gaps=gaps,
         missing=sum(max(round(gap.length / period) - 1, 0) for gap in gaps),
         dropped=_dropped(topic),
-        jumps=int(np.count_nonzero(step < 0.0)),
+        jumps=int(np.count_nonzero(step < -STAMP_JITTER_SEC)),
     )
 
 

@@ -205,10 +205,11 @@ def test_the_contents_lead_to_every_swing(opened: Browser) -> None:
 
 
 def test_names_from_the_bag_are_shown_as_they_are(opened: Browser) -> None:
-    assert opened.evaluate("document.querySelector('h1').textContent").startswith(
-        "run 0 <i>&\"'.mcap"
+    names = opened.evaluate(
+        "[...document.querySelectorAll('#contents a')].map(one => one.textContent)"
     )
-    assert opened.evaluate("document.querySelectorAll('header i, .notes b b, u').length") == 0
+    assert names[0] == "run 0 <i>&\"'.mcap 1"
+    assert opened.evaluate("document.querySelectorAll('a i, .notes b b, u').length") == 0
 
 
 def test_what_is_beyond_a_limit_is_marked_by_more_than_colour(opened: Browser) -> None:

@@ -74,6 +74,12 @@ def test_a_clock_that_jumps_back_cuts_a_motion() -> None:
     assert len(find_bursts(time, speed, [], SETTINGS)) == 2
 
 
+def test_stamps_that_run_backwards_by_a_millisecond_cut_nothing() -> None:
+    time, speed = speeds((1, 0.0), (1, 2.0), (1, 0.0))
+    time[150] = time[149] - 0.001
+    assert len(find_bursts(time, speed, [], SETTINGS)) == 1
+
+
 def test_unknown_speeds_are_rest() -> None:
     time, speed = speeds((1, 0.0), (1, np.nan), (1, 0.0))
     assert find_bursts(time, speed, [], SETTINGS) == []

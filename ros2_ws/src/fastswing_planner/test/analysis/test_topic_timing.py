@@ -55,6 +55,12 @@ def test_a_clock_that_runs_backwards_is_counted_and_does_not_spoil_the_rate() ->
     assert (found.jumps, found.rate) == (1, pytest.approx(100.0))
 
 
+def test_stamps_that_run_backwards_by_a_millisecond_are_no_jump() -> None:
+    time = GRID.copy()
+    time[50] = time[49] - 0.001
+    assert timing(time).jumps == 0
+
+
 def test_numbers_missing_in_the_publishers_count_were_dropped() -> None:
     assert timing(GRID[:4], sequence=np.array([7, 8, 11, 12])).dropped == 2
 
