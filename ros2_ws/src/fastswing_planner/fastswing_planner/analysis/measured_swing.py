@@ -1,5 +1,6 @@
 """One swing of a recording: what was measured, beside what was predicted."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -151,6 +152,7 @@ def measure_swings(
     """
     joints = recording.joints
     armed = armed_intervals(recording.status)
+    inhibited = inhibitions(recording.overrides)
     swings: list[MeasuredSwing] = []
     for found in find_bursts(recording.speed.time, recording.speed.speed, armed, settings):
         first, last, fastest = np.searchsorted(
@@ -160,7 +162,8 @@ def measure_swings(
         plan, planned_other = _plan_of(recording, burst)
         if plan is not None and not burst.armed and _way(joints, plan, burst) < _LEAST_WAY:
             continue
-        swings.append(_measure(recording, burst, plan, planned_other, len(swings) + 1, tolerance))
+        swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance)
+        swings.append(replace(swing, number=len(swings) + 1))
     return swings
 
 
@@ -200,7 +203,7 @@ def _measure(
     burst: Burst,
     plan: RecordedPlan | None,
     planned_other: bool,
-    number: int,
+    overridden: Sequence[Inhibition],
     tolerance: float,
 ) -> MeasuredSwing:
     joints, muscles = recording.joints, recording.muscles
@@ -216,7 +219,7 @@ def _measure(
     arrival = _arrival(joints, burst, plan, start, tolerance)
     inhibited = tuple(
         Inhibition(one.start - start, one.end - start, one.muscles)
-        for one in within(inhibitions(recording.overrides), *shown)
+        for one in within(overridden, *shown)
     )
     notes = _notes(recording, burst, plan, planned_other, command is not None)
     if np.isnan(arrival) and not (burst.ends_cut or burst.begins_cut):
@@ -225,7 +228,7 @@ def _measure(
     return MeasuredSwing(
         source=recording.source,
         namespace=recording.namespace,
-        number=number,
+        number=1,
         method="unplanned" if plan is None else plan.method,
         start=start,
         commanded=command is not None,
@@ -401,6 +404,6 @@ def _inhibitor_report(recording: Recording, begin: float, end: float) -> tuple[i
     armed = rows[status.armed[rows]]
     if armed.size == 0:
         return 0, ""
-    later = [row for row in range(int(armed[-1]), status.time.size) if not status.armed[row]]
-    ended = status.reason[later[0]] if later else ""
+    later = int(armed[-1]) + np.flatnonzero(~status.armed[armed[-1] :])
+    ended = status.reason[later[0]] if later.size else ""
     return int(status.rejected[armed].max()), ended

@@ -38,8 +38,10 @@ DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _STEADY = (JOINT_STATE, MUSCLE_STATE)
 _TIMED = (OVERRIDE, STATUS, COMMAND, PLAN)
 _METHODS = {0: "basic", 1: "inhibit", 2: "elongate", 3: "hybrid"}
-_AROUND_SEC = 1.0
-"""Kept of the states before and after each fast motion."""
+_AROUND_SEC = 0.6
+"""Kept of the states before and after each fast motion; more than is shown of a swing."""
+_UNKNOWN_MODE = 255
+"""A mode that is not recorded is not zero current."""
 _COUNTED = ("rejected", "refused", "lost", "late_", "missed", "overruns", "dropped")
 """What the names of counted losses in the diagnostics begin with."""
 
@@ -197,7 +199,7 @@ class _Arm:
         if topic is None:
             return None
         fields = ("velocity", "tension", "current", "mode", "fault")
-        tables: dict[str, list[Matrix]] = {name: [] for name in fields}
+        tables: dict[str, list[NDArray[Any]]] = {name: [] for name in fields}
         times = []
         names: tuple[str, ...] = ()
         try:
@@ -206,23 +208,16 @@ class _Arm:
                 time = self._stamps(part)
                 chosen = _inside(time, kept)
                 times.append(time[chosen])
-                for name in fields:
+                for name in fields[:3]:
                     tables[name].append(_matrix(part, name, names)[chosen])
+                for name, unknown in (("mode", _UNKNOWN_MODE), ("fault", 0)):
+                    values = np.nan_to_num(_matrix(part, name, names)[chosen], nan=unknown)
+                    tables[name].append(values.astype(np.uint8))
         except BagError as error:
             self.warnings.append(str(error))
             return None
         whole = {name: np.concatenate(parts) for name, parts in tables.items()}
-        # A mode that is not recorded is not zero current.
-        mode = np.nan_to_num(whole["mode"], nan=255.0).astype(np.uint8)
-        return MuscleSeries(
-            names,
-            np.concatenate(times),
-            whole["velocity"],
-            whole["tension"],
-            whole["current"],
-            mode,
-            np.nan_to_num(whole["fault"]).astype(np.uint8),
-        )
+        return MuscleSeries(names, np.concatenate(times), **whole)
 
     def _overrides(self) -> OverrideSeries | None:
         topic = self._topic(OVERRIDE)
