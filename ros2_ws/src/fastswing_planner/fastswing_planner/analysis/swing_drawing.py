@@ -126,9 +126,13 @@ def _falling(values: Mapping[str, float]) -> list[str]:
 
 
 def draw_joint_speed(
-    axes: Axes, swing: MeasuredSwing, styles: Mapping[str, LineStyle], limits: MotorLimits
+    axes: Axes,
+    swing: MeasuredSwing,
+    styles: Mapping[str, LineStyle],
+    limits: MotorLimits,
+    labelled: bool = True,
 ) -> None:
-    """Draw joint speeds [rad/s], and those of the plan dotted."""
+    """Draw joint speeds [rad/s], and those of the plan dotted; labelled: names at the peaks."""
     series = swing.joint_series
     _draw_lines(axes, series.time, series.velocity, series.names, styles)
     plan = swing.plan
@@ -141,13 +145,18 @@ def draw_joint_speed(
                     plan.time, velocity, where="pre", color=colour, lw=1.2, linestyle=_PLANNED
                 )
     _finish(axes, swing, "joint speed [rad/s]")
-    _label(axes, series.time, series.velocity, series.names, styles)
+    if labelled:
+        _label(axes, series.time, series.velocity, series.names, styles)
 
 
 def draw_muscle_speed(
-    axes: Axes, swing: MeasuredSwing, styles: Mapping[str, LineStyle], limits: MotorLimits
+    axes: Axes,
+    swing: MeasuredSwing,
+    styles: Mapping[str, LineStyle],
+    limits: MotorLimits,
+    labelled: bool = True,
 ) -> None:
-    """Draw muscle speeds [m/s] and their limits."""
+    """Draw muscle speeds [m/s] and their limits; labelled: names at the peaks."""
     series = swing.muscle_series
     if series is not None:
         _draw_lines(axes, series.time, series.velocity, series.names, styles)
@@ -155,14 +164,18 @@ def draw_muscle_speed(
         for sign in (-1, 1):
             axes.axhline(sign * limit, color="black", linewidth=1.0, linestyle=_LIMIT)
     _finish(axes, swing, "muscle speed [m/s]")
-    if series is not None:
+    if labelled and series is not None:
         _label(axes, series.time, series.velocity, series.names, styles)
 
 
 def draw_tension(
-    axes: Axes, swing: MeasuredSwing, styles: Mapping[str, LineStyle], limits: MotorLimits
+    axes: Axes,
+    swing: MeasuredSwing,
+    styles: Mapping[str, LineStyle],
+    limits: MotorLimits,
+    labelled: bool = True,
 ) -> None:
-    """Draw muscle tensions [N] and the limits that come near."""
+    """Draw muscle tensions [N] and the limits that come near; labelled: names at the peaks."""
     series, tight = swing.muscle_series, swing.tightest_muscle
     shown = dict(styles)
     if tight is not None and tight.name not in shown:
@@ -176,17 +189,16 @@ def draw_tension(
                     axes.axhline(limit, color="black", linewidth=1.0, linestyle=_LIMIT)
     _finish(axes, swing, "muscle tension [N]")
     axes.set_ylim(bottom=0.0)
-    if series is not None:
+    if labelled and series is not None:
         _label(axes, series.time, series.tension, series.names, shown)
 
 
-PANELS: Mapping[
-    str, Callable[[Axes, MeasuredSwing, Mapping[str, LineStyle], MotorLimits], None]
-] = {
+PANELS: Mapping[str, Callable[..., None]] = {
     "joint speed": draw_joint_speed,
     "muscle speed": draw_muscle_speed,
     "muscle tension": draw_tension,
 }
+"""What is drawn of a swing, from top to bottom."""
 
 
 def _draw_lines(
@@ -323,6 +335,9 @@ def legend_handles(
         Line2D([], [], color=style.colour, linewidth=2.0, linestyle=style.dashes, label=name)
         for name, style in styles.items()
     ]
+    tight = swing.tightest_muscle
+    if panel == "tension" and tight is not None and tight.name not in styles:
+        handles.append(_line(_TIGHTEST.colour, "-", tight.name))
     names = [one.name for one in (swing.joints if panel == "joint" else swing.muscles)]
     if any(name not in styles for name in names):
         handles.append(_line(OTHER, "-", "others"))
