@@ -21,6 +21,7 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "export_bag = fastswing_planner.export_bag_command:main",
             "plan = fastswing_planner.plan_command:main",
             "planner = fastswing_planner.planner_node:main",
             "record = fastswing_planner.record_node:main",
