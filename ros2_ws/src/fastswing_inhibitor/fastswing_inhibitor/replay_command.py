@@ -16,11 +16,15 @@ from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
 
 _SETTINGS = InhibitionSettings()
+_ROS_ARGS = "--ros-args"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; returns 0, 1 if a decision differs, 2 after an error of one line."""
-    options = _parser().parse_args(arguments)
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    cut = given.index(_ROS_ARGS) if _ROS_ARGS in given else len(given)
+    options = _parser().parse_args(given[:cut])
+    options.ros_args = given[cut:]
     try:
         if options.publish:
             # Only this needs ROS.
