@@ -22,6 +22,7 @@ setup(
     entry_points={
         "console_scripts": [
             "export_bag = fastswing_planner.export_bag_command:main",
+            "learn_model = fastswing_planner.learn_model_command:main",
             "plan = fastswing_planner.plan_command:main",
             "planner = fastswing_planner.planner_node:main",
             "record = fastswing_planner.record_node:main",

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -151,6 +151,7 @@ numbers = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2)
 rows = st.lists(st.tuples(numbers, numbers), min_size=1, max_size=12)
 
 
+@settings(deadline=None)
 @given(rows, st.floats(0.0, 5.0), st.lists(st.booleans(), min_size=3, max_size=3))
 def test_every_decision_is_made_again_bit_for_bit(
     tmp_path_factory: pytest.TempPathFactory,
