@@ -23,6 +23,8 @@ setup(
     entry_points={
         "console_scripts": [
             "analyse = fastswing_planner.analysis.analyse_command:main",
+            "export_bag = fastswing_planner.export_bag_command:main",
+            "learn_model = fastswing_planner.learn_model_command:main",
             "plan = fastswing_planner.plan_command:main",
             "planner = fastswing_planner.planner_node:main",
             "record = fastswing_planner.record_node:main",

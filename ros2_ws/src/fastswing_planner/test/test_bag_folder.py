@@ -62,7 +62,7 @@ def test_a_file_lasts_as_long_as_asked(tmp_path: Path) -> None:
 
 def test_a_file_is_hardly_larger_than_asked(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    options = {"compression": "none", "chunk_size": 1000, "split_size": 5000}
+    options: dict[str, Any] = {"compression": "none", "chunk_size": 1000, "split_size": 5000}
     write_folder(folder, **options).close()
     sizes = [path.stat().st_size for path in folder.glob("*.mcap")]
     assert len(sizes) > 3
@@ -109,7 +109,7 @@ def test_metadata_names_each_file_with_its_extent(tmp_path: Path) -> None:
 
 def test_notes_are_in_each_file(tmp_path: Path) -> None:
     lost = iter(["1", "5"])
-    options = {"notes": lambda: {"lost": f'{{"/joint_states": {next(lost)}}}'}}
+    options: dict[str, Any] = {"notes": lambda: {"lost": f'{{"/joint_states": {next(lost)}}}'}}
     write_folder(tmp_path / "run", split_duration_ns=SECOND // 2, **options).close()
     assert open_bag(tmp_path / "run" / "run_0.mcap").lost == {"/joint_states": 1}
     assert open_bag(tmp_path / "run").lost == {"/joint_states": 5}
@@ -147,7 +147,8 @@ def test_a_folder_that_cannot_be_created_is_named(tmp_path: Path) -> None:
 
 def test_a_full_disk_leaves_all_that_was_written_before(tmp_path: Path) -> None:
     folder = tmp_path / "run"
-    options = {"compression": "none", "chunk_size": 1000, "split_duration_ns": SECOND // 4}
+    options: dict[str, Any] = {"compression": "none", "chunk_size": 1000}
+    options["split_duration_ns"] = SECOND // 4
     bag = write_folder(folder, 60, **options)
     with file_size_limit(1), pytest.raises(BagError) as caught:
         bag.flush()
