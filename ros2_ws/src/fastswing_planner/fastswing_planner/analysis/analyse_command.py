@@ -6,6 +6,7 @@ ros2 run fastswing_planner analyse --compare A B [--output FOLDER]
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -255,9 +256,9 @@ def _run(
         if arguments.json:
             differences = comparison[0] if comparison is not None else ()
             record = findings_record(found.findings, limits, result, differences)
-            print(json.dumps(record, indent=2))
+            _print(json.dumps(record, indent=2))
         else:
-            print(_text(found.findings, limits, comparison, groups, result))
+            _print(_text(found.findings, limits, comparison, groups, result))
     if arguments.output is not None and found.findings:
         try:
             written = _write(
@@ -273,10 +274,19 @@ def _run(
             print(f"analyse: cannot write {arguments.output}: {error}", file=sys.stderr)
             return UNUSABLE
         if not arguments.json:
-            print(f"\nwritten: {written[0]} and {len(written) - 1} more files beside it")
+            _print(f"\nwritten: {written[0]} and {len(written) - 1} more files beside it")
     if found.errors:
         return UNUSABLE
     return VIOLATED if result is not None and not result.passed else PASSED
+
+
+def _print(text: str) -> None:
+    """Print, also to a reader that has seen enough, such as `head`."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # Python would complain once more when it flushes at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _text(

@@ -1,7 +1,9 @@
 """Reads a bag's arms into recordings; what is kept of a long bag is little more than its swings."""
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,7 @@ from fastswing_planner.analysis.swing_finding import (
 )
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.bag import Bag, BagError, Columns
+from fastswing_planner.bag_writer import NOTES
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 MUSCLE_STATE = "fastswing_msgs/msg/MuscleState"
@@ -69,6 +72,7 @@ def read_recordings(source: str, bag: Bag, settings: FindingSettings) -> list[Re
         raise NoJointStates(f"{source} holds no joint states ({JOINT_STATE}); it holds: {held}")
     began = bag.start_ns
     counters, warnings = _counters(bag)
+    warnings += recorder_losses(bag.metadata_records)
     recordings = [
         _Arm(source, bag, namespace, began, settings).read(topic)
         for namespace, topic in sorted(arms.items())
@@ -392,6 +396,27 @@ def _times(bag: Bag, topics: Sequence[str], began_ns: int) -> list[TopicTimes]:
             )
         )
     return found
+
+
+def recorder_losses(records: Sequence[tuple[Path, str, Mapping[str, str]]]) -> list[str]:
+    """Return what the recorder itself says it lost, a line for each topic and file.
+
+    records  file, name and content of a bag's metadata
+    """
+    lines = []
+    for path, name, content in records:
+        if name != NOTES:
+            continue
+        try:
+            told = json.loads(content.get("lost", "{}"))
+            counts = [(str(topic), int(count)) for topic, count in told.items()]
+        except (ValueError, TypeError, AttributeError):
+            lines.append(f"{path.name}: what the recorder says of its losses cannot be read")
+            continue
+        lines += [
+            f"the recorder lost {count} messages of {topic}" for topic, count in counts if count
+        ]
+    return lines
 
 
 def _counters(bag: Bag) -> tuple[dict[str, dict[str, int]], list[str]]:

@@ -25,6 +25,7 @@ from fastswing_msgs.msg import (
 )
 from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.analysis.recording_reading import recorder_losses
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.message_definition import definition_text
@@ -393,6 +394,52 @@ def test_a_clock_that_jumps_is_told_and_what_is_whole_is_still_measured(
     assert lines_of(answer) == [
         "the clock jumped back for 100.00 s at 100.99 s; no swing is read across it"
     ]
+
+
+def test_what_the_recorder_lost_is_told(bag: Path, analyse: Run, tmp_path: Path) -> None:
+    path = tmp_path / "lossy.mcap"
+    notes = {"lost": json.dumps({"/joint_states": 0, "/muscle_state": 12})}
+    writer = BagWriter(path, notes=lambda: notes)
+    kind = TYPES[JointState]
+    writer.add_topic(BagTopic("/joint_states", kind, definition_text(kind)))
+    message = JointState(header=Header(stamp=stamp(0.0)), name=["a"], velocity=[0.1])
+    writer.write("/joint_states", bytes(serialize_message(message)), EPOCH_NS, EPOCH_NS)
+    writer.close()
+    assert "the recorder lost 12 messages of /muscle_state" in lines_of(analyse(path, "--json"))
+
+
+@pytest.mark.parametrize("lost", ["{", "[1]", '{"/a": "many"}'])
+def test_notes_of_a_recorder_that_make_no_sense_are_a_line(lost: str) -> None:
+    records = [(Path("a.mcap"), "fastswing_recorder", {"lost": lost})]
+    assert recorder_losses(records) == [
+        "a.mcap: what the recorder says of its losses cannot be read"
+    ]
+
+
+@pytest.mark.system
+def test_a_reader_that_has_seen_enough_is_no_error(bag: Path) -> None:
+    program = (
+        "from fastswing_planner.analysis.analyse_command import main\n"
+        f"raise SystemExit(main([{str(bag)!r}]))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    complaint = process.stderr.read()
+    process.stderr.close()
+    assert (process.wait(timeout=60), complaint) == (0, "")
+
+
+def test_an_output_that_cannot_be_written_is_a_line(
+    bag: Path, analyse: Run, tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("in the way")
+    answer = analyse(bag, "--output", tmp_path / "file" / "folder")
+    assert answer.code == 2
+    assert answer.err.startswith(f"analyse: cannot write {tmp_path / 'file' / 'folder'}: ")
 
 
 def test_a_truncated_bag_is_read_as_far_as_it_goes(bag: Path, analyse: Run) -> None:
