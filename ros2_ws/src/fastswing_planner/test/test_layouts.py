@@ -3,8 +3,9 @@
 import json
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -19,7 +20,8 @@ JOINT_CURVE = re.compile(r"/joint_states/(?P<joint>[^/]+)/(?P<field>position|vel
 NUMBER = re.compile(r"-?\d+\.\d+")
 
 
-class Named(NamedTuple):
+@dataclass(frozen=True)
+class Named:
     """A field of a topic as a layout names it; index -1: the whole field."""
 
     text: str

@@ -40,11 +40,8 @@ def drawn(swing: MeasuredSwing, panel: str, labelled: bool = True) -> Axes:
 
 def levels(axes: Axes) -> set[float]:
     """Return the heights of the level lines across the whole panel."""
-    return {
-        float(line.get_ydata()[0])
-        for line in axes.lines
-        if len(line.get_ydata()) == 2 and line.get_ydata()[0] == line.get_ydata()[1]
-    }
+    heights = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
+    return {float(one[0]) for one in heights if one.size == 2 and one[0] == one[1]}
 
 
 def test_muscles_that_are_paid_out_are_solid_and_those_wound_in_dashed(
