@@ -19,6 +19,7 @@ from fastswing_planner.analysis.swing_drawing import (
     muscle_styles,
     panel_svg,
     save_swing,
+    shortened,
 )
 from fastswing_planner.analysis.swing_finding import FindingSettings
 
@@ -102,6 +103,13 @@ def test_a_panel_is_the_same_each_time(swing: MeasuredSwing) -> None:
     panels = [panel_svg(swing, "joint speed", joint_styles([swing]), LIMITS) for _ in range(2)]
     assert panels[0] == panels[1]
     assert panels[0].lstrip().startswith(b"<?xml")
+
+
+def test_paths_are_shortened_and_nothing_else() -> None:
+    picture = b'<g transform="scale(0.015625)"><path id="a" d="M 1.23456 -0.98765 L 3 4.5"/></g>'
+    assert shortened(picture) == (
+        b'<g transform="scale(0.015625)"><path id="a" d="M 1.23 -0.98 L 3 4.5"/></g>'
+    )
 
 
 def test_a_swing_without_muscle_states_can_be_drawn(
