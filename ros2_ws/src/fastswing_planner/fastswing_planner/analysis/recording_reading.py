@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fastswing_planner.analysis.recording import (
     CommandSeries,
@@ -43,6 +43,8 @@ _TIMED = (OVERRIDE, STATUS, COMMAND, PLAN)
 _METHODS = {0: "basic", 1: "inhibit", 2: "elongate", 3: "hybrid"}
 _AROUND_SEC = 0.6
 """Kept of the states before and after each fast motion; more than is shown of a swing."""
+_LARGEST = 1e6
+"""In SI units, beyond anything that an arm can do."""
 _UNKNOWN_MODE = 255
 """A mode that is not recorded is not zero current."""
 _COUNTED = ("rejected", "refused", "lost", "late_", "missed", "overruns", "dropped")
@@ -300,15 +302,15 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
         received=received,
         method=_METHODS.get(message.method, f"method {message.method}"),
         joint_names=joints,
-        start=np.array(message.start_position, dtype=float),
-        end=np.array(message.end_position, dtype=float),
+        start=_plausible(message.start_position),
+        end=_plausible(message.end_position),
         muscle_names=muscles,
         kept=kept,
         inhibited=np.array(getattr(message, "inhibited", nothing), dtype=bool),
-        elongation=np.array(message.elongation, dtype=float),
-        speed_index=np.array(getattr(message, "speed_index", nothing), dtype=float),
-        time_cost=float(message.time_cost),
-        time=np.array([point.time_from_start for point in points], dtype=float),
+        elongation=_plausible(message.elongation),
+        speed_index=_plausible(getattr(message, "speed_index", nothing)),
+        time_cost=float(_plausible(message.time_cost)),
+        time=_plausible([point.time_from_start for point in points]),
         joint_velocity=_table([point.joint_velocity for point in points], len(joints)),
         muscle_velocity=_table([point.muscle_velocity for point in points], len(muscles)),
     )
@@ -329,7 +331,7 @@ def _table(rows: Sequence[Sequence[float]], width: int) -> Matrix:
     for place, row in enumerate(rows):
         if len(row) == width:
             table[place] = row
-    return table
+    return _plausible(table)
 
 
 def _windows(
@@ -371,7 +373,7 @@ def _matrix(part: Columns, name: str, names: tuple[str, ...]) -> Matrix:
         and tuple(titles[0]) == names
         and bool((titles == titles[0]).all())
     ):
-        return np.asarray(values, dtype=float)
+        return _plausible(values)
     table = np.full((part.count, len(names)), np.nan)
     place = {title: column for column, title in enumerate(names)}
     for row, (keys, numbers) in enumerate(zip(titles, values, strict=True)):
@@ -379,7 +381,14 @@ def _matrix(part: Columns, name: str, names: tuple[str, ...]) -> Matrix:
             for key, number in zip(keys, numbers, strict=True):
                 if key in place:
                     table[row, place[key]] = number
-    return table
+    return _plausible(table)
+
+
+def _plausible(values: ArrayLike) -> Matrix:
+    """Return numbers as floats; what no arm can measure, infinity included, is unknown."""
+    numbers = np.asarray(values, dtype=float)
+    beyond = ~(np.abs(numbers) <= _LARGEST)
+    return np.where(beyond, np.nan, numbers) if beyond.any() else numbers
 
 
 def _times(bag: Bag, topics: Sequence[str], began_ns: int) -> list[TopicTimes]:

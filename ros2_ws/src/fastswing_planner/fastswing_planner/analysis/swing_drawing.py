@@ -269,7 +269,8 @@ def _free_place(
     for x, y in inside:
         if all(abs(x - left) >= across or abs(y - low) >= up for left, low in taken):
             return x, y
-    return (inside or tries)[0]
+    x, y = (inside or tries)[0]
+    return min(max(x, 0.02), 0.98), min(max(y, 0.02), 0.98)
 
 
 def _finish(axes: Axes, swing: MeasuredSwing, label: str) -> None:
