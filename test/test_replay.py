@@ -17,7 +17,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
-from fastswing_inhibitor.inhibition import Reason
+from fastswing_inhibitor.inhibition import InhibitionSettings, Reason
 from fastswing_inhibitor.replay import replay
 from fastswing_msgs.msg import ErrorCode, InhibitionStatus, SwingPlan
 from fastswing_msgs.srv import ArmInhibitor
@@ -36,6 +36,8 @@ pytestmark = pytest.mark.system
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 5_000_000
 REST_SEC = 4.0
+SETTINGS = InhibitionSettings(state_timeout=0.3)
+"""A shared machine stalls for longer than a robot PC may."""
 SWING_SEC = 1.0
 TYPES = {
     "/joint_states": "sensor_msgs/msg/JointState",
@@ -122,7 +124,7 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
     bag.close()
     statuses: list[InhibitionStatus] = []
     suite.node.create_subscription(InhibitionStatus, "inhibition_status", statuses.append, 1000)
-    suite.start("inhibitor", use_sim_time=True, state_timeout=0.3)
+    suite.start("inhibitor", use_sim_time=True, state_timeout=SETTINGS.state_timeout)
     suite.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
 
     player = Player(suite, tmp_path / "states.mcap", "--paused")
@@ -154,7 +156,8 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
         time_ns = status.header.stamp.sec * 1_000_000_000 + status.header.stamp.nanosec
         put(again, "/inhibition_status", status, time_ns)
     again.close()
-    found = replay(open_bag(tmp_path / "decided.mcap"), robot.model, robot.limits.velocity)
+    decided = open_bag(tmp_path / "decided.mcap")
+    found = replay(decided, robot.model, robot.limits.velocity, SETTINGS)
     (swing,) = found.swings
     assert swing.first_difference is None
     assert len(swing.decisions) > SWING_SEC * 100

@@ -105,7 +105,7 @@ class ReplayNode(Node):
         return messages_in_order(self._bag, self._topics, self._part)
 
     def _tick(self, next_ns: int) -> None:
-        """Publish the time now and then, also where the bag is silent; never past `next_ns` [ns]."""
+        """Publish the time now and then, where the bag is silent too, never past `next_ns` [ns]."""
         now = time.monotonic()
         if now >= self._next_clock:
             self._publish_clock(min(self.clock.now_ns(now), next_ns))
