@@ -236,7 +236,9 @@ class _Rule:
 def _difference(names: Sequence[str], published: Decision, made: Decision) -> str:
     """Say in words what differs between two decisions; empty if nothing does."""
     if published.reason is not made.reason:
-        return f"published {_reason(published.reason)}, replayed {_reason(made.reason)}"
+        stale = made.reason is Reason.STALE_STATE
+        hint = ": is state_timeout the node's?" if stale else ""
+        return f"published {_reason(published.reason)}, replayed {_reason(made.reason)}{hint}"
     if published.direction_from_goal != made.direction_from_goal:
         which = {True: "to the goal", False: "of motion"}
         return (

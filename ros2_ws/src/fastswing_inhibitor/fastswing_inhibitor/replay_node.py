@@ -90,7 +90,7 @@ class ReplayNode(Node):
         self.clock.jump(self._part.start_ns, time.monotonic())
         for bag_ns, topic, data in self._rows():
             while True:
-                self._tick()
+                self._tick(bag_ns)
                 wait = self.clock.wait(bag_ns, time.monotonic())
                 if not spin(min(max(wait, 0.0), _LONGEST_WAIT_SEC)):
                     return count
@@ -104,11 +104,11 @@ class ReplayNode(Node):
     def _rows(self) -> Iterator[tuple[int, str, bytes]]:
         return messages_in_order(self._bag, self._topics, self._part)
 
-    def _tick(self) -> None:
-        """Publish the time now and then, also where the bag is silent."""
+    def _tick(self, next_ns: int) -> None:
+        """Publish the time now and then, where the bag is silent too, never past `next_ns` [ns]."""
         now = time.monotonic()
         if now >= self._next_clock:
-            self._publish_clock(self.clock.now_ns(now))
+            self._publish_clock(min(self.clock.now_ns(now), next_ns))
 
     def _publish_clock(self, bag_ns: int) -> None:
         self._next_clock = time.monotonic() + _CLOCK_PERIOD_SEC

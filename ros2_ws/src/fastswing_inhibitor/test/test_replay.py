@@ -234,6 +234,16 @@ def test_a_joint_state_that_was_not_recorded_is_named(tmp_path: Path) -> None:
     assert swing.first_difference.difference == "its joint state is not in the bag"
 
 
+def test_a_shorter_state_timeout_than_the_nodes_is_suspected(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", straight())
+    shorter = InhibitionSettings(state_timeout=0.001)
+    (swing,) = replayed(path, settings=shorter).swings
+    assert swing.first_difference is not None
+    assert swing.first_difference.difference == (
+        "published a decision, replayed the end STALE_STATE: is state_timeout the node's?"
+    )
+
+
 def test_without_a_plan_the_reason_is_said(tmp_path: Path) -> None:
     def lose(number: int, topic: str, message: Any) -> Any:
         return None if topic == "/swing_plan" else message
