@@ -27,7 +27,13 @@ import numpy as np
 import yaml
 from mcap.records import Channel
 
-from fastswing_planner.bag_errors import BagError, UndecodableMessage, UnknownTopic, UnreadableBag
+from fastswing_planner.bag_errors import (
+    BagError,
+    UndecodableMessage,
+    UnknownTopic,
+    UnreadableBag,
+    one_line,
+)
 from fastswing_planner.bag_files import bag_files
 from fastswing_planner.bag_writer import NOTES
 from fastswing_planner.cdr_layout import decode
@@ -50,7 +56,6 @@ TimeBase = Literal["log", "publish", "header"]
 """When a message was recorded, when it was published, or the stamp in its header."""
 
 _PARSERS = {"ros2msg": parse_ros2msg, "ros2idl": parse_ros2idl}
-_HEADER_TYPE = "std_msgs/msg/Header"
 _CHUNK = 16384
 _LARGEST_STEP_BACK_NS = 10_000_000
 """[ns] messages may be recorded in another order than they came."""
@@ -115,7 +120,8 @@ class Bag:
     @property
     def warnings(self) -> list[str]:
         """What was recovered or lost so far, a line each."""
-        return [*self._own_warnings, *(line for file in self._files for line in file.warnings)]
+        lines = [*self._own_warnings, *(line for file in self._files for line in file.warnings)]
+        return [one_line(line) for line in lines]
 
     @property
     def metadata(self) -> dict[str, dict[str, str]]:
@@ -289,7 +295,7 @@ class Bag:
                 if waiting and channel != waiting_for:
                     yield schemas[waiting_for], waiting
                     waiting = []
-                waiting.append(messages)
+                waiting.append(messages.alone())
                 waiting_for = channel
                 if sum(map(len, waiting)) >= size:
                     yield schemas[channel], waiting
@@ -394,11 +400,11 @@ def _qos(text: str) -> tuple[Mapping[str, Any], ...]:
 
 def _stamp_path(topic: str, schema: Schema) -> str:
     """Return the path of the message's stamp."""
-    for field in schema.fields:
-        if field.name == "header" and field.type_name == _HEADER_TYPE:
-            return "header.stamp"
-        if field.name == "stamp" and field.type_name == "builtin_interfaces/msg/Time":
-            return "stamp"
+    paths = field_paths(schema)
+    for stamp in ("header.stamp", "stamp"):
+        parts = [paths.get(f"{stamp}.{part}") for part in ("sec", "nanosec")]
+        if all(part is not None and part.ndim == 1 and part.dtype.kind in "iu" for part in parts):
+            return stamp
     raise UnknownTopic(f"{topic} ({schema.name}) has no header: use the time base log or publish")
 
 

@@ -3,6 +3,11 @@
 from fastswing_planner.errors import PlannerError
 
 
+def one_line(text: str) -> str:
+    """Return a text as one printable line: a damaged bag's names may hold anything."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
 class BagError(PlannerError, OSError):
     """A bag cannot be written or read; the text names the file and what is wrong with it."""
 
@@ -10,8 +15,7 @@ class BagError(PlannerError, OSError):
 
     def __str__(self) -> str:
         """Return one line, whatever stands in the bag."""
-        text = super().__str__()
-        return "".join(letter if letter.isprintable() else " " for letter in text)
+        return one_line(super().__str__())
 
 
 class UnreadableBag(BagError):

@@ -23,7 +23,7 @@ from fastswing_planner.mcap_messages import (
 _INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("place", "<u8")])
 
 
-@dataclass
+@dataclass(slots=True)
 class Block:
     """A stretch of the file that holds messages: a chunk, or records outside of chunks.
 

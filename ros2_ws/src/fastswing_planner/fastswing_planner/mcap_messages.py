@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -53,6 +53,13 @@ class Messages:
     def __len__(self) -> int:
         """Return their number."""
         return int(self.begin.size)
+
+    def alone(self) -> "Messages":
+        """Return the same without the rest of their block, if that is most of it: it is memory."""
+        if 2 * int(self.size.sum()) > len(self.content):
+            return self
+        begin = np.cumsum(self.size) - self.size
+        return replace(self, content=b"".join(self.data()), begin=begin)
 
     def data(self) -> Iterator[bytes]:
         """Yield each."""

@@ -4,6 +4,7 @@ import shutil
 import struct
 import subprocess
 import sys
+import tracemalloc
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -462,6 +463,21 @@ def test_a_bag_is_read_without_ros(tmp_path: Path) -> None:
         command, env=environment, capture_output=True, text=True, check=False, timeout=60
     )
     assert (done.stdout, done.stderr) == ("0.0\n", "")
+
+
+def test_other_topics_are_not_kept_in_memory(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    with Builder(path, chunk_size=2**20, compression=CompressionType.NONE) as bag:
+        bag.joints().topic("/image", STRING_NAME, "string data\n")
+        for index in range(40):
+            bag.write("/image", bytes(2**20), START + index)
+            bag.write("/joint_states", joint_state([index]), START + index)
+    opened = open_bag(path)
+    tracemalloc.start()
+    assert positions(opened) == POSITION[:40].tolist()
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 8 * 2**20
 
 
 def test_names_cost_no_memory(tmp_path: Path) -> None:
