@@ -161,8 +161,9 @@ and Method 2 elongates.</p>
 <figure class="wide" style="margin: 1rem 0">
 <img alt="Joint speed, muscle speed and muscle tension over time, for the three methods"
  src="data:image/png;base64,$image">
-<figcaption>Time 0 is the swing command. Solid: measured; short dashes: joint speed of the plan;
-long dashes: the motors' velocity limit; shaded: muscles inhibited.</figcaption>
+<figcaption>Time 0 is the swing command, the dotted upright line the arrival. Dotted steps: joint
+speed of the plan; short dashes: muscles wound in; long dashes: the motors' speed limit, and
+the largest tension that a plan asks for; shaded: muscles inhibited.</figcaption>
 </figure>
 </body>
 </html>

@@ -16,6 +16,10 @@ from matplotlib.image import imread
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from fastswing_planner.analysis.measured_swing import measure_swings
+from fastswing_planner.analysis.recording_reading import read_recordings
+from fastswing_planner.analysis.swing_finding import FindingSettings
+from fastswing_planner.bag import open_bag
 from fastswing_planner.figures import SwingFigures
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
@@ -237,6 +241,34 @@ def test_every_topic_of_the_swing_is_in_its_bag(finished: Finished, method: str)
     expected = EVERY_SWING | (ONLY_METHOD_1 if method == "method_1" else set())
     bag = finished.output / finished.summary["methods"][method]["bag"]
     assert {topic for topic in EVERY_SWING | ONLY_METHOD_1 if messages(bag, topic)} == expected
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_analyse_finds_the_swing_in_the_bag_with_the_figures_of_the_summary(
+    finished: Finished, method: str
+) -> None:
+    bag = finished.output / finished.summary["methods"][method]["bag"]
+    (recording,) = read_recordings(bag.name, open_bag(bag), FindingSettings())
+    (swing,) = measure_swings(recording, FindingSettings())
+    measured = figures(finished, method, "measured")
+    predicted = figures(finished, method, "predicted")
+    assert swing.method == PLANNED[method].name.lower()
+    assert swing.main_joint.name == "E-p"
+    assert swing.fastest_muscle is not None
+    assert swing.tightest_muscle is not None
+    assert swing.main_joint.peak_speed == pytest.approx(
+        measured["peak_elbow_pitch_velocity_rad_s"], rel=0.02
+    )
+    # The executor's clock and the stamps of command and states differ by their ways.
+    assert swing.arrival == pytest.approx(measured["time_cost_s"], abs=0.03)
+    assert swing.fastest_muscle.peak_speed == pytest.approx(
+        measured["max_muscle_velocity_m_s"], rel=0.02
+    )
+    assert swing.tightest_muscle.peak_tension == pytest.approx(measured["max_tension_n"], rel=0.02)
+    assert swing.predicted_time == pytest.approx(predicted["time_cost_s"], abs=1e-3)
+    assert swing.main_joint.predicted_peak_speed == pytest.approx(
+        predicted["peak_elbow_pitch_velocity_rad_s"], abs=1e-3
+    )
 
 
 def test_the_picture_is_readable(finished: Finished) -> None:

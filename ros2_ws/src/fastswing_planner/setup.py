@@ -12,6 +12,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/layouts", ["layouts/foxglove.json", "layouts/plotjuggler.xml"]),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
@@ -21,6 +22,9 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
+            "analyse = fastswing_planner.analysis.analyse_command:main",
+            "export_bag = fastswing_planner.export_bag_command:main",
+            "learn_model = fastswing_planner.learn_model_command:main",
             "plan = fastswing_planner.plan_command:main",
             "planner = fastswing_planner.planner_node:main",
             "record = fastswing_planner.record_node:main",

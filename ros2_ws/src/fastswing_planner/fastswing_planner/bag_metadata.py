@@ -100,28 +100,39 @@ def metadata_yaml(summary: BagSummary) -> str:
     return _dump(metadata_node(summary))
 
 
-def metadata_node(summary: BagSummary) -> dict[str, Any]:
-    """Return rosbag2's metadata of a bag as a mapping."""
-    empty = summary.message_count == 0
-    extent = {
-        "duration": {"nanoseconds": summary.end_ns - summary.start_ns},
-        "starting_time": {"nanoseconds_since_epoch": _NEVER_NS if empty else summary.start_ns},
-        "message_count": summary.message_count,
-    }
+def folder_yaml(summaries: Sequence[BagSummary]) -> str:
+    """Return the text of `metadata.yaml` beside the files of one bag."""
+    return _dump({"rosbag2_bagfile_information": metadata_node(*summaries)})
+
+
+def metadata_node(*summaries: BagSummary) -> dict[str, Any]:
+    """Return rosbag2's metadata of a bag of one or more files as a mapping."""
+    topics = {topic.name: topic for summary in summaries for topic in summary.topics}
     return {
         "version": VERSION,
         "storage_identifier": "mcap",
-        **extent,
+        **_extent(*summaries),
         "topics_with_message_count": [
-            _topic_node(topic, summary.message_counts.get(topic.name, 0))
-            for topic in summary.topics
+            _topic_node(topic, sum(one.message_counts.get(topic.name, 0) for one in summaries))
+            for topic in topics.values()
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [summary.file_name],
-        "files": [{"path": summary.file_name, **extent}],
+        "relative_file_paths": [summary.file_name for summary in summaries],
+        "files": [{"path": summary.file_name, **_extent(summary)} for summary in summaries],
         "custom_data": None,
-        "ros_distro": summary.ros_distro,
+        "ros_distro": summaries[-1].ros_distro,
+    }
+
+
+def _extent(*summaries: BagSummary) -> dict[str, Any]:
+    filled = [summary for summary in summaries if summary.message_count]
+    start = min((summary.start_ns for summary in filled), default=_NEVER_NS)
+    end = max((summary.end_ns for summary in filled), default=start)
+    return {
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": sum(summary.message_count for summary in summaries),
     }
 
 

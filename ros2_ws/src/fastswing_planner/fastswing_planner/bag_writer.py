@@ -1,15 +1,16 @@
 """Writes MCAP bags as `ros2 bag` accepts them; a killed writer loses at most its last chunk."""
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, cast
 
 from mcap.writer import CompressionType, Writer
 
+from fastswing_planner.bag_errors import BagError
 from fastswing_planner.bag_metadata import BagSummary, BagTopic, metadata_yaml, qos_yaml
-from fastswing_planner.errors import InvalidRequest, PlannerError
+from fastswing_planner.errors import InvalidRequest
 
 COMPRESSIONS = {
     "zstd": CompressionType.ZSTD,
@@ -18,10 +19,8 @@ COMPRESSIONS = {
 }
 
 
-class BagError(PlannerError, OSError):
-    """A bag cannot be written; what was complete before stays readable."""
-
-    code_name = "NOT_READY"
+NOTES = "fastswing_recorder"
+"""Name of the metadata record in which the recorder says what it lost."""
 
 
 class BagExists(BagError, FileExistsError):
@@ -79,14 +78,18 @@ class BagWriter:
         compression: str = "zstd",
         chunk_size: int = 256 * 1024,
         ros_distro: str = "jazzy",
+        notes: Callable[[], Mapping[str, str]] = dict,
     ) -> None:
         """Create the file, and its folder if that is missing; `chunk_size` in bytes.
+
+        notes  what the metadata record NOTES says when the file is finished; nothing: no record
 
         Raises InvalidBagPath, BagExists or BagError.
         """
         check_path(path)
         self.path = path
         self._ros_distro = ros_distro
+        self._notes = notes
         self._topics: dict[str, BagTopic] = {}
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
@@ -120,6 +123,17 @@ class BagWriter:
     def topics(self) -> Collection[str]:
         """Names of the topics added."""
         return self._topics.keys()
+
+    def summary(self) -> BagSummary:
+        """Return what the file holds so far."""
+        return BagSummary(
+            self.path.name,
+            self._ros_distro,
+            self._start_ns,
+            self._end_ns,
+            tuple(self._topics.values()),
+            dict(self._counts),
+        )
 
     def add_topic(self, topic: BagTopic) -> None:
         """Announce a topic; its messages may follow."""
@@ -168,6 +182,9 @@ class BagWriter:
             return
         with self._guarded():
             self._writer.flush()
+            notes = self._notes()
+            if notes:
+                self._writer.add_metadata(NOTES, dict(notes))
             self._add_metadata()
             self._writer.finish()
         with self._guarded() as file:
@@ -192,15 +209,8 @@ class BagWriter:
         self._complete = file.tell()
 
     def _add_metadata(self) -> None:
-        summary = BagSummary(
-            self.path.name,
-            self._ros_distro,
-            self._start_ns,
-            self._end_ns,
-            tuple(self._topics.values()),
-            self._counts,
-        )
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": metadata_yaml(summary)})
+        text = metadata_yaml(self.summary())
+        self._writer.add_metadata("rosbag2", {"serialized_metadata": text})
 
 
 def check_path(path: Path) -> None:

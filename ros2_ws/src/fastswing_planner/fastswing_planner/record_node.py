@@ -1,10 +1,13 @@
 """Records topics into an MCAP bag.
 
 ros2 run fastswing_planner record --ros-args -p output:=PATH.mcap
+ros2 run fastswing_planner record --ros-args -p output:=FOLDER -p split_duration:=60.0
 """
 
 import inspect
+import json
 import os
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -17,8 +20,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
+from fastswing_planner.bag_errors import BagError
+from fastswing_planner.bag_folder import BagFolder, check_folder
 from fastswing_planner.bag_metadata import BagTopic, OfferedQos
-from fastswing_planner.bag_writer import COMPRESSIONS, BagError, BagWriter, check_path
+from fastswing_planner.bag_writer import COMPRESSIONS, BagWriter, check_path
 from fastswing_planner.errors import DuplicateName, UnknownName
 from fastswing_planner.managed_node import ManagedNode, run
 from fastswing_planner.message_definition import (
@@ -45,7 +50,12 @@ TYPES = {
 LATCHED = frozenset({"swing_plan"})
 
 TABLE = (
-    Parameter("output", "", "The new .mcap file; an existing one is never overwritten."),
+    Parameter(
+        "output",
+        "",
+        "The new .mcap file; any other name is that of a new folder with files and metadata.yaml. "
+        "What exists is never overwritten.",
+    ),
     Parameter(
         "topics",
         [*(name for name in TYPES if name != "diagnostics"), "/diagnostics"],
@@ -54,6 +64,22 @@ TABLE = (
     Parameter("compression", "zstd", "Of each chunk.", choices=tuple(COMPRESSIONS)),
     Parameter(
         "chunk_size", 256 * 1024, "A chunk is written when it is larger.", "bytes", 1024, 2**26
+    ),
+    Parameter(
+        "split_size",
+        0,
+        "A folder's next file begins when a file is as large; 0: never.",
+        "bytes",
+        0,
+        2**50,
+    ),
+    Parameter(
+        "split_duration",
+        0.0,
+        "A folder's next file begins as long after a file's first message; 0: never.",
+        "s",
+        0.0,
+        1e6,
     ),
     Parameter(
         "flush_period", 0.5, "A chunk is written at the latest after this time.", "s", 0.01, 60.0
@@ -156,15 +182,23 @@ class RecordNode(ManagedNode):
         """Declare parameters."""
         super().__init__("recorder", TABLE)
         self._recorded: list[_Recorded] = []
-        self._bag: BagWriter | None = None
+        self._bag: BagWriter | BagFolder | None = None
         self._failure = ""
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Look up all types and judge the output, before anything is created."""
         if not parameters["output"]:
-            raise InvalidParameter("set the parameter output to the new .mcap file")
+            raise InvalidParameter("set the parameter output to the new .mcap file or folder")
         self._output = Path(parameters["output"]).expanduser()
-        check_path(self._output)
+        self._split_size: int = parameters["split_size"]
+        self._split_duration_ns = round(parameters["split_duration"] * 1e9)
+        self._is_file = self._output.suffix == ".mcap"
+        if self._is_file and (self._split_size or self._split_duration_ns):
+            raise InvalidParameter(
+                f"split_size and split_duration need a folder, and output is the file "
+                f"'{parameters['output']}': leave .mcap away"
+            )
+        (check_path if self._is_file else check_folder)(self._output)
         self._compression: str = parameters["compression"]
         self._chunk_size: int = parameters["chunk_size"]
         self._recorded = [self._look_up(*_parse(entry)) for entry in parameters["topics"]]
@@ -192,14 +226,19 @@ class RecordNode(ManagedNode):
     def activate(self) -> None:
         """Create the file and subscribe."""
         distro = os.environ.get("ROS_DISTRO", "jazzy")
-        self._bag = BagWriter(self._output, self._compression, self._chunk_size, distro)
+        options = (self._output, self._compression, self._chunk_size, distro, self._notes)
         self._failure = ""
+        self._started = time.time()
+        for recorded in self._recorded:
+            recorded.messages = recorded.bytes = recorded.lost = recorded.sequence = 0
+        if self._is_file:
+            self._bag = BagWriter(*options)
+        else:
+            self._bag = BagFolder(*options, self._split_size, self._split_duration_ns)
         for recorded in self._recorded:
             self._subscribe(recorded)
 
     def _subscribe(self, recorded: _Recorded) -> None:
-        recorded.messages = recorded.bytes = recorded.lost = recorded.sequence = 0
-
         def handle(data: bytes, info: Mapping[str, Any]) -> None:
             self._on_message(recorded, data, info)
 
@@ -243,6 +282,16 @@ class RecordNode(ManagedNode):
                     return
                 self._on_message(recorded, *waiting)
 
+    def _notes(self) -> dict[str, str]:
+        """Return what the bag says of its recording when a file of it is finished."""
+        return {
+            "node": self.get_fully_qualified_name(),
+            "started": f"{self._started:.9f}",
+            "finished": f"{time.time():.9f}",
+            "messages": json.dumps({one.topic.name: one.messages for one in self._recorded}),
+            "lost": json.dumps({one.topic.name: one.lost for one in self._recorded}),
+        }
+
     # Messages.
 
     def _on_message(self, recorded: _Recorded, data: bytes, info: Mapping[str, Any]) -> None:
@@ -268,7 +317,7 @@ class RecordNode(ManagedNode):
         received = info["received_timestamp"] or clock.now().nanoseconds
         return received, info["source_timestamp"] or received
 
-    def _announce(self, bag: BagWriter, recorded: _Recorded) -> None:
+    def _announce(self, bag: BagWriter | BagFolder, recorded: _Recorded) -> None:
         """Add the topic to the bag, with what its publishers say of themselves."""
         topic = recorded.topic
         publishers = self.get_publishers_info_by_topic(topic.name)

@@ -11,6 +11,8 @@ import yaml
 from fastswing_planner.arrays import Vector, finite_vector, unique_known
 from fastswing_planner.board_groups import BoardGroup, board_groups
 from fastswing_planner.errors import InvalidRequest, RobotDescriptionError
+from fastswing_planner.learned_model import LearnedMuscleModel, mjcf_hash
+from fastswing_planner.length_correction import load_correction
 from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
 
@@ -28,7 +30,7 @@ _REQUIRED = (
     "payload_body",
     "postures",
 )
-_OPTIONAL = ("keyframe", "plant", "board_groups")
+_OPTIONAL = ("keyframe", "plant", "board_groups", "learned_muscles")
 _LIMITS = ("velocity_limit", "acceleration_limit", "tension_min", "tension_max")
 _ROUNDING = 1e-6  # [rad] of an angle or range written with few digits
 
@@ -65,8 +67,9 @@ class Robot:
 def load_robot(path: Path) -> Robot:
     """Read a robot's YAML file and the MJCF beside it.
 
-    Three keys are optional: `keyframe`, the MJCF's keyframe that holds the joints left out (without
-    it they are at zero), `plant`, and `board_groups`.
+    Four keys are optional: `keyframe`, the MJCF's keyframe that holds the joints left out (without
+    it they are at zero), `plant`, `board_groups`, and `learned_muscles`, a file of learn_model that
+    corrects the MJCF's muscle lengths.
 
     Raises RobotDescriptionError naming file, key, value and remedy.
     """
@@ -110,7 +113,7 @@ def _build(path: Path, content: dict[str, Any]) -> Robot:
         )
     joints = _names(content, "joints")
     muscles = _names(content, "muscles")
-    model = MujocoMuscleModel(load_mjcf(mjcf), joints, muscles, _text(content, "keyframe"))
+    model = _model(path, mjcf, content, joints, muscles)
     plant = content.get("plant") or {}
     if not isinstance(plant, dict):
         raise RobotDescriptionError(f"key 'plant' is {plant!r}, expected a mapping of constants")
@@ -128,6 +131,21 @@ def _build(path: Path, content: dict[str, Any]) -> Robot:
         plant=plant,
         board_groups=board_groups(content.get("board_groups"), muscles, joints),
     )
+
+
+def _model(
+    path: Path,
+    mjcf: Path,
+    content: dict[str, Any],
+    joints: tuple[str, ...],
+    muscles: tuple[str, ...],
+) -> MujocoMuscleModel:
+    keyframe = _text(content, "keyframe")
+    learned = _text(content, "learned_muscles")
+    if not learned:
+        return MujocoMuscleModel(load_mjcf(mjcf), joints, muscles, keyframe)
+    correction = load_correction(path.parent / learned, joints, muscles, mjcf_hash(mjcf))
+    return LearnedMuscleModel(load_mjcf(mjcf), correction, keyframe)
 
 
 def _names(content: dict[str, Any], key: str) -> tuple[str, ...]:

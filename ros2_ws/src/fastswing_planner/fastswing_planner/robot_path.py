@@ -20,7 +20,7 @@ def resolve_path(uri: str) -> Path:
     package, _, inner = uri.removeprefix("package://").partition("/")
     try:
         return Path(get_package_share_directory(package)) / inner
-    except (PackageNotFoundError, ValueError) as error:
+    except (PackageNotFoundError, ValueError, OSError) as error:
         raise RobotDescriptionError(
             f"{uri}: package '{package}' is not installed; source its workspace, or give a path"
         ) from error

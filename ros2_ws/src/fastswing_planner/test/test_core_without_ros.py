@@ -12,6 +12,7 @@ WITH_ROS = (
     "client",
     "error_code",
     "executor_links",
+    "learn_model_command",
     "message_definition",
     "plan_command",
     "robot_path",
@@ -56,4 +57,6 @@ def test_the_whole_mathematics_is_core() -> None:
         "mask_search",
         "swing_execution",
         "robot",
+        "bag",
+        "length_correction",
     } <= set(CORE)

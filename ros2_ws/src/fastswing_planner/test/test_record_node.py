@@ -32,6 +32,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from fastswing_msgs.msg import SwingPlan
+from fastswing_planner.bag import open_bag
 
 pytestmark = pytest.mark.system
 
@@ -294,6 +295,33 @@ def test_lost_messages_are_counted(world: World, tmp_path: Path) -> None:
     world.until("every message", lambda: received[-1] + int(values["lost"]) == 1502)
     assert int(values["lost"]) > 0
     end(process)
+    assert open_bag(tmp_path / "a.mcap").lost["/joint_states"] == int(values["lost"])
+
+
+def test_a_recording_is_split_by_time_into_one_bag(world: World, tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    publisher = world.node.create_publisher(JointState, "joint_states", qos_profile_sensor_data)
+    process = world.record(path, "-p", "split_duration:=0.2", "-p", "topics:=['joint_states']")
+    world.publish(publisher, *joint_states(1))
+    for message in joint_states(3):
+        time.sleep(0.25)
+        world.publish(publisher, message)
+    assert "4 messages recorded in" in end(process)
+    assert sorted(one.name for one in path.glob("*.mcap")) == [f"run_{i}.mcap" for i in range(4)]
+    with Reader(path) as reader:
+        assert reader.message_count == 4
+    bag = open_bag(path)
+    assert (bag.warnings, bag.lost["/joint_states"]) == ([], 0)
+
+
+def test_a_file_cannot_be_split(world: World, tmp_path: Path) -> None:
+    process = world.start("-p", f"output:={tmp_path}/a.mcap", "-p", "split_size:=1000000")
+    output, _ = process.communicate(timeout=TIMEOUT_SEC)
+    assert process.returncode == 2
+    assert (
+        "split_size and split_duration need a folder, and output is the file "
+        f"'{tmp_path}/a.mcap': leave .mcap away"
+    ) in output
 
 
 def test_a_killed_recorder_keeps_what_is_older_than_the_flush_period(

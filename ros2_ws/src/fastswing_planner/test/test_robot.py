@@ -47,7 +47,7 @@ CONTENT = {
     "payload_body": "rod",
     "postures": {"home": [0.0], "up": [1.5]},
 }
-KEYS = ", ".join([*CONTENT, "keyframe", "plant", "board_groups"])
+KEYS = ", ".join([*CONTENT, "keyframe", "plant", "board_groups", "learned_muscles"])
 
 
 def written(folder: Path, **changes: Any) -> Path:

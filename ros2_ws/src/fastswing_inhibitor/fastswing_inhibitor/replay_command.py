@@ -1,0 +1,101 @@
+"""`replay`: the inhibitor's decisions made again from a bag, or a bag published again."""
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+
+from fastswing_inhibitor.inhibition import InhibitionSettings
+from fastswing_inhibitor.replay import WhatIf, replay
+from fastswing_inhibitor.replay_text import replay_text
+from fastswing_planner.bag import open_bag
+from fastswing_planner.errors import InvalidLimit, PlannerError
+from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
+
+_SETTINGS = InhibitionSettings()
+_ROS_ARGS = "--ros-args"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; returns 0, 1 if a decision differs, 2 after an error of one line."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    cut = given.index(_ROS_ARGS) if _ROS_ARGS in given else len(given)
+    options = _parser().parse_args(given[:cut])
+    options.ros_args = given[cut:]
+    try:
+        if options.publish:
+            # Only this needs ROS.
+            from fastswing_inhibitor.replay_node import publish
+
+            return publish(options)
+        return _replay(options)
+    except PlannerError as error:
+        print(f"replay: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+
+
+def _replay(options: argparse.Namespace) -> int:
+    for name in ("threshold", "velocity_limit"):
+        value = getattr(options, name)
+        low = 0.0 if name == "threshold" else math.ulp(0.0)
+        if value is not None and not low <= value < math.inf:
+            expected = "0 or more" if name == "threshold" else "more than 0"
+            raise InvalidLimit(f"--{name.replace('_', '-')} is {value:g}, expected {expected}")
+    robot = load_robot(resolve_path(options.model or MUSASHI))
+    bag = open_bag(*options.bag)
+    settings = InhibitionSettings(
+        **{row.name: getattr(options, row.name) for row in fields(InhibitionSettings)}
+    )
+    what_if = WhatIf(options.threshold, options.velocity_limit)
+    found = replay(bag, robot.model, robot.limits.velocity, settings, what_if, options.prefix)
+    changed = _changes(options)
+    print(replay_text(found, bag.start_ns, changed))
+    for line in bag.warnings:
+        print(f"warning: {line}", file=sys.stderr)
+    return 0 if found.agrees or changed else 1
+
+
+def _changes(options: argparse.Namespace) -> str:
+    parts = []
+    if options.threshold is not None:
+        parts.append(f"C {options.threshold:g} s/rad")
+    if options.velocity_limit is not None:
+        parts.append(f"velocity limit {options.velocity_limit:g} m/s")
+    if options.model is not None:
+        parts.append(f"model {options.model}")
+    return ", ".join(parts)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="replay",
+        description="Make the inhibitor's decisions again from a bag and compare them with what "
+        "was published; exit code 1 if one differs.",
+    )
+    parser.add_argument("bag", nargs="+", type=Path, help="MCAP file or folder; several are one")
+    parser.add_argument("--prefix", default="", help="namespace of the robot's topics, '/left'")
+    changes = parser.add_argument_group("what if")
+    changes.add_argument("--threshold", type=float, help="another C [s/rad]")
+    changes.add_argument("--velocity-limit", type=float, help="another limit of all muscles [m/s]")
+    changes.add_argument("--model", help="another robot's YAML file")
+    node = parser.add_argument_group("the inhibitor's parameters, if they were not the defaults")
+    for row in fields(InhibitionSettings):
+        node.add_argument(
+            f"--{row.name.replace('_', '-')}", type=float, default=getattr(_SETTINGS, row.name)
+        )
+    again = parser.add_argument_group("publish the bag again")
+    again.add_argument("--publish", action="store_true", help="publish instead, with /clock")
+    again.add_argument("--topic", action="append", help="this topic; may be repeated (states)")
+    again.add_argument("--rate", type=float, default=1.0, help="times as fast as recorded")
+    again.add_argument("--start", type=float, default=0.0, help="[s] from the bag's start")
+    again.add_argument("--duration", type=float, default=math.inf, help="[s] of the bag")
+    again.add_argument("--loop", action="store_true", help="begin again at the end")
+    again.add_argument("--paused", action="store_true", help="wait for the service ~/pause")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,313 @@
+"""A replay agrees with what the rule decided, decision for decision, and names what differs."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from fastswing_inhibitor.inhibition import Arming, Decision, Inhibition, InhibitionSettings, Reason
+from fastswing_inhibitor.replay import Replay, UnusableForReplay, WhatIf, replay
+from fastswing_inhibitor.replay_text import replay_text
+from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, SwingPlan
+from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.bag import open_bag
+from fastswing_planner.bag_metadata import BagTopic
+from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.message_definition import definition_text
+from fastswing_planner.muscle_model import Payload
+from fastswing_planner.swing_execution import JointMeasurement
+
+LIMIT = frozen([0.3, 0.25, 0.2])
+START_NS = 1_700_000_000_000_000_000
+PERIOD_NS = 5_000_000
+TYPES = {
+    "/joint_states": "sensor_msgs/msg/JointState",
+    "/inhibition_status": "fastswing_msgs/msg/InhibitionStatus",
+    "/current_override": "fastswing_msgs/msg/CurrentOverride",
+    "/swing_plan": "fastswing_msgs/msg/SwingPlan",
+}
+NAN = frozen(np.full(3, np.nan))
+
+
+class BentArm:
+    """Two joints and three muscles whose moment arms change with the posture."""
+
+    joint_names = ("j0", "j1")
+    muscle_names = ("m0", "m1", "m2")
+    joint_lower = frozen([-10.0, -10.0])
+    joint_upper = frozen([10.0, 10.0])
+
+    def lengths(self, joint_position: Vector) -> Vector:
+        raise NotImplementedError
+
+    def jacobian(self, joint_position: Vector) -> Matrix:
+        a, b = joint_position
+        return frozen([[np.cos(a), 0.1], [-0.5, np.sin(b)], [0.3 * b, -np.cos(a + b)]])
+
+    def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
+        raise NotImplementedError
+
+
+def stamp(time_ns: int) -> Header:
+    header = Header()
+    header.stamp.sec, header.stamp.nanosec = divmod(time_ns, 1_000_000_000)
+    return header
+
+
+@dataclass
+class Case:
+    """A swing: what is in the bag, and what is done to it before it is written."""
+
+    positions: Sequence[Sequence[float]]
+    velocities: Sequence[Sequence[float]]
+    goal: Sequence[float] = (2.0, 1.0)
+    threshold: float = 0.0
+    protected: Sequence[bool] = (False, False, False)
+    prefix: str = ""
+
+
+Change = Callable[[int, str, Any], Any]
+"""Takes the number of a decision, a topic and a message; returns the message, None: left out."""
+
+
+def write(path: Path, case: Case, change: Change = lambda number, topic, message: message) -> Path:
+    """Write the bag of a swing on which the rule has decided."""
+    bag = BagWriter(path)
+    for name, kind in TYPES.items():
+        bag.add_topic(BagTopic(case.prefix + name, kind, definition_text(kind)))
+
+    def put(number: int, topic: str, message: Any, time_ns: int) -> None:
+        message = change(number, topic, message)
+        if message is not None:
+            data = bytes(serialize_message(message))
+            bag.write(case.prefix + topic, data, time_ns, time_ns)
+
+    plan = SwingPlan(joint_name=BentArm.joint_names, end_position=list(case.goal))
+    put(0, "/swing_plan", plan, START_NS - 1000)
+    inhibition = Inhibition(BentArm(), LIMIT, InhibitionSettings())
+    inhibition.see(0.0)
+    protected = np.array(case.protected)
+    inhibition.arm(Arming(frozen(case.goal), case.threshold, protected, 100.0, 0.0))
+    nothing = Decision(np.zeros(3, dtype=bool), NAN, False, Reason.NONE)
+    put(0, "/inhibition_status", status(START_NS, inhibition, nothing), START_NS)
+    for number, (position, velocity) in enumerate(
+        zip(case.positions, case.velocities, strict=True), 1
+    ):
+        time_ns = START_NS + number * PERIOD_NS
+        state = JointState(
+            header=stamp(time_ns),
+            name=["j1", "other", "j0"],  # the bag's own order
+            position=[position[1], 0.0, position[0]],
+            velocity=[velocity[1], 0.0, velocity[0]],
+        )
+        put(number, "/joint_states", state, time_ns)
+        time = (time_ns - START_NS) * 1e-9
+        made = inhibition.decide(JointMeasurement(time, frozen(position), frozen(velocity)))
+        message = status(time_ns, inhibition, made)
+        put(number, "/inhibition_status", message, time_ns + 1000)
+        override = CurrentOverride(header=stamp(time_ns), name=message.inhibited)
+        put(number, "/current_override", override, time_ns + 1000)
+        if not inhibition.armed:
+            break
+    bag.close()
+    return path
+
+
+def status(time_ns: int, inhibition: Inhibition, made: Decision) -> InhibitionStatus:
+    names = np.array(BentArm.muscle_names)
+    return InhibitionStatus(
+        header=stamp(time_ns),
+        armed=inhibition.armed,
+        reason=int(made.reason),
+        threshold=inhibition.threshold,
+        name=BentArm.muscle_names,
+        speed_index=made.speed_index.tolist(),
+        inhibited=names[made.inhibited].tolist(),
+        direction_from_goal=made.direction_from_goal,
+        decisions=inhibition.decisions,
+    )
+
+
+def straight(count: int = 20) -> Case:
+    """Return a swing along the way to the goal, slow at first."""
+    way = np.linspace(0.0, 0.8, count)[:, None] * np.array([2.0, 1.0])
+    speed = np.linspace(0.0, 4.0, count)[:, None] * np.array([2.0, 1.0])
+    return Case(way.tolist(), speed.tolist())
+
+
+def replayed(path: Path, **options: Any) -> Replay:
+    return replay(open_bag(path), BentArm(), LIMIT, **options)
+
+
+numbers = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2)
+rows = st.lists(st.tuples(numbers, numbers), min_size=1, max_size=12)
+
+
+@settings(deadline=None)
+@given(rows, st.floats(0.0, 5.0), st.lists(st.booleans(), min_size=3, max_size=3))
+def test_every_decision_is_made_again_bit_for_bit(
+    tmp_path_factory: pytest.TempPathFactory,
+    states: list[tuple[list[float], list[float]]],
+    threshold: float,
+    protected: list[bool],
+) -> None:
+    case = Case([p for p, _ in states], [v for _, v in states], (2.0, 1.0), threshold, protected)
+    path = write(tmp_path_factory.mktemp("bag") / "a.mcap", case)
+    found = replayed(path)
+    assert found.agrees, replay_text(found, START_NS)
+    (swing,) = found.swings
+    assert 1 <= len(swing.decisions) <= len(states)
+
+
+def test_a_swing_is_replayed_with_its_end(tmp_path: Path) -> None:
+    case = straight()
+    case.goal = (1.65, 0.825)
+    case.positions = [*case.positions, [1.65, 0.825]]
+    case.velocities = [*case.velocities, [1.0, 0.5]]
+    (swing,) = replayed(write(tmp_path / "a.mcap", case)).swings
+    assert (swing.end, len(swing.decisions), swing.agreed) == (Reason.GOAL_REACHED, 21, 21)
+
+
+def test_protected_muscles_are_found(tmp_path: Path) -> None:
+    case = straight()
+    free = replayed(write(tmp_path / "free.mcap", case)).swings[0]
+    assert free.protected == ()
+    case.protected = (True, False, False)
+    (swing,) = replayed(write(tmp_path / "a.mcap", case)).swings
+    assert swing.protected == ("m0",)
+    assert swing.agreed == 20
+
+
+def test_a_bit_of_q_is_a_difference(tmp_path: Path) -> None:
+    def nudge(number: int, topic: str, message: Any) -> Any:
+        if (number, topic) == (5, "/inhibition_status"):
+            message.speed_index[0] = float(np.nextafter(message.speed_index[0], np.inf))
+        return message
+
+    found = replayed(write(tmp_path / "a.mcap", straight(), nudge))
+    (swing,) = found.swings
+    assert (swing.agreed, found.agrees) == (19, False)
+    assert swing.first_difference is not None
+    assert swing.first_difference.stamp_ns == START_NS + 5 * PERIOD_NS
+    assert swing.first_difference.difference.startswith("q of m0 published ")
+
+
+def test_a_muscle_left_out_is_a_difference(tmp_path: Path) -> None:
+    def forget(number: int, topic: str, message: Any) -> Any:
+        if number == 7 and topic != "/joint_states":
+            names = "inhibited" if topic == "/inhibition_status" else "name"
+            setattr(message, names, [])
+        return message
+
+    (swing,) = replayed(write(tmp_path / "a.mcap", straight(), forget)).swings
+    assert swing.first_difference is not None
+    assert swing.first_difference.difference == "same q, but inhibited differ: m0"
+
+
+def test_an_override_that_is_not_the_decision_is_named(tmp_path: Path) -> None:
+    def forget(number: int, topic: str, message: Any) -> Any:
+        if (number, topic) == (7, "/current_override"):
+            message.name = []
+        return message
+
+    found = replayed(write(tmp_path / "a.mcap", straight(), forget))
+    assert not found.agrees
+    assert found.override_differences == (
+        f"the override of stamp {START_NS + 7 * PERIOD_NS} ns names nothing, its status m0",
+    )
+
+
+def test_a_joint_state_that_was_not_recorded_is_named(tmp_path: Path) -> None:
+    def lose(number: int, topic: str, message: Any) -> Any:
+        return None if (number, topic) == (3, "/joint_states") else message
+
+    (swing,) = replayed(write(tmp_path / "a.mcap", straight(), lose)).swings
+    assert swing.first_difference is not None
+    assert swing.first_difference.difference == "its joint state is not in the bag"
+
+
+def test_a_shorter_state_timeout_than_the_nodes_is_suspected(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", straight())
+    shorter = InhibitionSettings(state_timeout=0.001)
+    (swing,) = replayed(path, settings=shorter).swings
+    assert swing.first_difference is not None
+    assert swing.first_difference.difference == (
+        "published a decision, replayed the end STALE_STATE: is state_timeout the node's?"
+    )
+
+
+def test_without_a_plan_the_reason_is_said(tmp_path: Path) -> None:
+    def lose(number: int, topic: str, message: Any) -> Any:
+        return None if topic == "/swing_plan" else message
+
+    found = replayed(write(tmp_path / "a.mcap", straight(), lose))
+    assert found.swings[0].complaint == "no plan before it, so its goal is not known"
+    assert not found.agrees
+
+
+def test_half_a_swing_is_replayed(tmp_path: Path) -> None:
+    def late(number: int, topic: str, message: Any) -> Any:
+        return message if number > 4 or topic == "/swing_plan" else None
+
+    (swing,) = replayed(write(tmp_path / "a.mcap", straight(), late)).swings
+    assert (len(swing.decisions), swing.agreed, swing.end) == (16, 16, None)
+
+
+def test_another_threshold_changes_the_decisions(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", straight())
+    (swing,) = replayed(path, what_if=WhatIf(threshold=1e6)).swings
+    assert all(one.replayed is not None for one in swing.decisions)
+    assert not any(one.replayed.inhibited.any() for one in swing.decisions if one.replayed)
+
+
+def test_another_velocity_limit_scales_q(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", straight())
+    (half,) = replayed(path, what_if=WhatIf(velocity_limit=0.15)).swings
+    one = half.decisions[-1]
+    assert one.replayed is not None
+    expected = one.published.speed_index * LIMIT / 0.15
+    np.testing.assert_allclose(one.replayed.speed_index, expected, rtol=1e-12)
+
+
+def test_a_robot_is_chosen_by_its_namespace(tmp_path: Path) -> None:
+    left = straight()
+    left.prefix = "/left"
+    right = straight()
+    right.prefix = "/right"
+    bag = open_bag(write(tmp_path / "a.mcap", left), write(tmp_path / "b.mcap", right))
+    with pytest.raises(UnusableForReplay) as caught:
+        replay(bag, BentArm(), LIMIT)
+    assert str(caught.value) == (
+        "more than one topic of type sensor_msgs/msg/JointState: "
+        "/left/joint_states, /right/joint_states; choose with --prefix"
+    )
+    assert replay(bag, BentArm(), LIMIT, prefix="/left").agrees
+
+
+def test_a_bag_without_an_inhibitor_is_named(tmp_path: Path) -> None:
+    def lose(number: int, topic: str, message: Any) -> Any:
+        return None if topic == "/inhibition_status" else message
+
+    with pytest.raises(UnusableForReplay) as caught:
+        replayed(write(tmp_path / "a.mcap", straight(), lose))
+    assert str(caught.value) == (
+        "nothing to replay: no messages of type fastswing_msgs/msg/InhibitionStatus"
+    )
+
+
+def test_the_text_says_what_agreed_and_who_was_inhibited(tmp_path: Path) -> None:
+    found = replayed(write(tmp_path / "a.mcap", straight()))
+    assert replay_text(found, START_NS).splitlines() == [
+        "swing 1 at 0.000 s, C 0 s/rad: 20 decisions, 20 as published, q bit for bit",
+        "  end the bag ends before it, 0 joint states rejected",
+        "  m0: inhibited in 20 decisions as published, 20 replayed",
+        "  m2: inhibited in 9 decisions as published, 9 replayed",
+    ]

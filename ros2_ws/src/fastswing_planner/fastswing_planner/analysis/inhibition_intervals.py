@@ -1,0 +1,45 @@
+"""When which muscles were forced to zero current: leased overrides as intervals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from fastswing_planner.analysis.recording import OverrideSeries
+
+
+@dataclass(frozen=True)
+class Inhibition:
+    """From `start` to `end` [s] the same muscles were forced to zero current."""
+
+    start: float
+    end: float
+    muscles: tuple[str, ...]
+
+
+def inhibitions(overrides: OverrideSeries | None) -> list[Inhibition]:
+    """Return what was inhibited; an override ends with its lease or with the next one.
+
+    Renewed leases of the same muscles are one interval.
+    """
+    if overrides is None:
+        return []
+    found: list[Inhibition] = []
+    pending: Inhibition | None = None
+    rows = zip(
+        overrides.received.tolist(), overrides.lease.tolist(), overrides.muscles, strict=True
+    )
+    for begin, lease, muscles in rows:
+        if pending is not None and pending.muscles == muscles and begin <= pending.end:
+            pending = Inhibition(pending.start, begin + lease, muscles)
+            continue
+        if pending is not None and pending.muscles:
+            found.append(Inhibition(pending.start, min(pending.end, begin), pending.muscles))
+        pending = Inhibition(begin, begin + lease, muscles)
+    if pending is not None and pending.muscles:
+        found.append(pending)
+    return found
+
+
+def within(intervals: Sequence[Inhibition], start: float, end: float) -> tuple[Inhibition, ...]:
+    """Return the parts of `intervals` between two times [s]."""
+    cut = (Inhibition(max(one.start, start), min(one.end, end), one.muscles) for one in intervals)
+    return tuple(one for one in cut if one.end > one.start)

@@ -1,0 +1,124 @@
+"""What was found, as plain numbers, texts, lists and dictionaries; null for what is unknown."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from fastswing_planner.analysis.checks import CheckResult
+from fastswing_planner.analysis.comparison import Difference
+from fastswing_planner.analysis.figures_table import FIGURES
+from fastswing_planner.analysis.findings import BagFindings
+from fastswing_planner.analysis.latency import Latency
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.motor_limits import MotorLimits, beyond_tension, beyond_velocity
+from fastswing_planner.analysis.topic_timing import TopicTiming
+
+
+def findings_record(
+    findings: Sequence[BagFindings],
+    limits: MotorLimits,
+    result: CheckResult | None = None,
+    differences: Sequence[Difference] = (),
+) -> dict[str, Any]:
+    """Return everything that was found; units stand in FIGURES and in docs/bags.md."""
+    record: dict[str, Any] = {"bags": [_bag(one, limits) for one in findings]}
+    if result is not None:
+        record["check"] = {
+            "passed": result.passed,
+            "checked": result.checked,
+            "violations": list(result.violations),
+        }
+    if differences:
+        record["comparison"] = [_difference(one) for one in differences]
+    return record
+
+
+def _bag(findings: BagFindings, limits: MotorLimits) -> dict[str, Any]:
+    return {
+        "bag": findings.source,
+        "began_ns": findings.began_ns,
+        "lines": list(findings.lines),
+        "swings": [_swing(swing, limits) for swing in findings.swings],
+        "topics": [_topic(topic) for topic in findings.topics],
+        "counters": {node: dict(counts) for node, counts in findings.counters.items()},
+    }
+
+
+def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
+    return {
+        "number": swing.number,
+        "namespace": swing.namespace,
+        "method": swing.method,
+        "start": swing.start,
+        "commanded": swing.commanded,
+        "figures": {name: _number(figure.of(swing)) for name, figure in FIGURES.items()},
+        "joints": {
+            joint.name: {
+                "peak_speed": _number(joint.peak_speed),
+                "predicted_peak_speed": _number(joint.predicted_peak_speed),
+            }
+            for joint in swing.joints
+        },
+        "muscles": {
+            muscle.name: {
+                "peak_speed": _number(muscle.peak_speed),
+                "predicted_peak_speed": _number(muscle.predicted_peak_speed),
+                "peak_tension": _number(muscle.peak_tension),
+                "inhibited": muscle.inhibited,
+                "elongation": muscle.elongation,
+                "masked": muscle.masked,
+            }
+            for muscle in swing.muscles
+        },
+        "beyond_velocity_limit": list(beyond_velocity(swing, limits)) if limits else None,
+        "beyond_tension_limit": list(beyond_tension(swing, limits)) if limits else None,
+        "inhibited": [
+            {"start": one.start, "end": one.end, "muscles": list(one.muscles)}
+            for one in swing.inhibited
+        ],
+        "latency": {name: _latency(value) for name, value in vars(swing.latency).items()},
+        "inhibitor_ended": swing.ended,
+        "faulty": list(swing.faulty),
+        "notes": list(swing.notes),
+    }
+
+
+def _latency(latency: Latency) -> dict[str, Any]:
+    return {
+        "count": int(latency.values.size),
+        "median": _number(latency.median),
+        "p99": _number(latency.p99),
+        "longest": _number(latency.longest),
+        "missing": latency.missing,
+        "unusable": latency.unusable,
+    }
+
+
+def _topic(topic: TopicTiming) -> dict[str, Any]:
+    return {
+        "name": topic.name,
+        "type": topic.type_name,
+        "count": topic.count,
+        "rate": _number(topic.rate),
+        "longest_pause": _number(topic.longest),
+        "gaps": [{"start": gap.start, "length": gap.length} for gap in topic.gaps],
+        "missing": topic.missing,
+        "dropped": topic.dropped,
+        "clock_jumps": topic.jumps,
+    }
+
+
+def _difference(difference: Difference) -> dict[str, Any]:
+    return {
+        "method": difference.method,
+        "figure": difference.figure,
+        "first": {name: _number(value) for name, value in vars(difference.first).items()},
+        "second": {name: _number(value) for name, value in vars(difference.second).items()},
+        "change": _number(difference.change),
+        "p_value": _number(difference.p_value),
+        "verdict": difference.verdict,
+    }
+
+
+def _number(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,409 @@
+"""One swing of a recording: what was measured, beside what was predicted."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fastswing_planner.analysis.inhibition_intervals import Inhibition, inhibitions, within
+from fastswing_planner.analysis.latency import InhibitionLatency, inhibition_latency
+from fastswing_planner.analysis.recording import (
+    JointSeries,
+    MuscleSeries,
+    RecordedPlan,
+    Recording,
+)
+from fastswing_planner.analysis.swing_finding import (
+    STAMP_JITTER_SEC,
+    Burst,
+    FindingSettings,
+    armed_intervals,
+    find_bursts,
+    moved_towards,
+    swing_command,
+)
+from fastswing_planner.arrays import Matrix, Vector, frozen
+
+SHOWN_BEFORE_SEC = 0.1
+"""Shown of a recording before a swing begins."""
+SHOWN_AFTER_SEC = 0.3
+"""Shown of a recording after the arm came to rest."""
+_NEAR_PLAN_RAD = 0.3
+"""A plan whose start is farther from the arm is another swing's."""
+_LEAST_WAY = 0.1
+"""Share of a plan's way; a motion that went less of it is not that plan's swing."""
+
+
+@dataclass(frozen=True)
+class JointFigures:
+    """Of one joint: peak speeds [rad/s], magnitudes; NaN if unknown or not predicted."""
+
+    name: str
+    peak_speed: float
+    predicted_peak_speed: float
+
+
+@dataclass(frozen=True)
+class MuscleFigures:
+    """Of one muscle; NaN if unknown or not predicted.
+
+    peak_speed, predicted_peak_speed  [m/s] magnitudes
+    peak_tension                      [N]
+    inhibited                         [s] time under an override
+    elongation                        [m] paid out before the swing, as planned
+    masked                            the plan inhibits or elongates it
+    """
+
+    name: str
+    peak_speed: float
+    predicted_peak_speed: float
+    peak_tension: float
+    inhibited: float
+    elongation: float
+    masked: bool
+
+
+@dataclass(frozen=True)
+class MeasuredSwing:
+    """One swing. `start` is in the recording's time; all other times [s] count from `start`.
+
+    source        the bag
+    namespace     of its topics
+    number        1 for the first of its bag
+    method        as in the plan; 'unplanned' without one
+    start         [s] the swing's command, or when the motion began
+    commanded     whether `start` is a command's
+    arrival       [s] the arm first was within `tolerance` of the end; NaN: it was not
+    tolerance     [rad]
+    rest          [s] the last motion before the arm rested
+    plan          None: no plan, or none of this swing
+    joints        each joint's figures
+    muscles       each muscle's figures; empty without muscle states
+    joint_series, muscle_series  what was measured around the swing
+    inhibited     what was forced to zero current
+    latency       of the overrides in this swing
+    rejected      joint states that the inhibitor could not use
+    ended         why the inhibitor disarmed; empty if it was not armed
+    faulty        muscles that reported a fault
+    notes         what a reader has to know before trusting the figures
+    """
+
+    source: str
+    namespace: str
+    number: int
+    method: str
+    start: float
+    commanded: bool
+    arrival: float
+    tolerance: float
+    rest: float
+    plan: RecordedPlan | None
+    joints: tuple[JointFigures, ...]
+    muscles: tuple[MuscleFigures, ...]
+    joint_series: JointSeries
+    muscle_series: MuscleSeries | None
+    inhibited: tuple[Inhibition, ...]
+    latency: InhibitionLatency
+    rejected: int
+    ended: str
+    faulty: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def fastest_joint(self) -> JointFigures:
+        """The joint with the highest measured speed, perhaps one that only swings along."""
+        return max(self.joints, key=lambda joint: np.nan_to_num(joint.peak_speed, nan=-1.0))
+
+    @property
+    def main_joint(self) -> JointFigures:
+        """The joint that the plan moves farthest; without a plan the fastest."""
+        if self.plan is None:
+            return self.fastest_joint
+        name = self.plan.joint_names[int(np.argmax(np.abs(self.plan.end - self.plan.start)))]
+        return next(joint for joint in self.joints if joint.name == name)
+
+    @property
+    def fastest_muscle(self) -> MuscleFigures | None:
+        """The muscle with the highest measured speed; None without muscle states."""
+        return _largest(self.muscles, "peak_speed")
+
+    @property
+    def tightest_muscle(self) -> MuscleFigures | None:
+        """The muscle with the largest measured tension; None without muscle states."""
+        return _largest(self.muscles, "peak_tension")
+
+    @property
+    def predicted_time(self) -> float:
+        """[s] NaN without a plan."""
+        return self.plan.time_cost if self.plan is not None else np.nan
+
+
+def _largest(muscles: tuple[MuscleFigures, ...], figure: str) -> MuscleFigures | None:
+    known = [muscle for muscle in muscles if not np.isnan(getattr(muscle, figure))]
+    return max(known, key=lambda muscle: float(getattr(muscle, figure)), default=None)
+
+
+def measure_swings(
+    recording: Recording, settings: FindingSettings, tolerance: float = 0.1
+) -> list[MeasuredSwing]:
+    """Find the swings of a recording and measure each.
+
+    tolerance  [rad] norm of the distance to the end posture that counts as arrived
+    """
+    joints = recording.joints
+    armed = armed_intervals(recording.status)
+    inhibited = inhibitions(recording.overrides)
+    swings: list[MeasuredSwing] = []
+    for found in find_bursts(recording.speed.time, recording.speed.speed, armed, settings):
+        first, last, fastest = np.searchsorted(
+            joints.row, (found.first, found.last, found.fastest)
+        ).tolist()
+        burst = replace(found, first=first, last=last, fastest=fastest)
+        plan, planned_other = _plan_of(recording, burst)
+        if plan is not None and not burst.armed and _way(joints, plan, burst) < _LEAST_WAY:
+            continue
+        swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance)
+        swings.append(replace(swing, number=len(swings) + 1))
+    return swings
+
+
+def _plan_of(recording: Recording, burst: Burst) -> tuple[RecordedPlan | None, bool]:
+    """Return the plan in force, and whether there was one that is not this motion's."""
+    joints = recording.joints
+    before = [plan for plan in recording.plans if plan.received <= joints.time[burst.fastest]]
+    meanwhile = [plan for plan in recording.plans if plan.received <= joints.time[burst.last]]
+    if not meanwhile:
+        return None, False
+    plan = before[-1] if before else meanwhile[0]
+    if not set(plan.joint_names) <= set(joints.names):
+        return None, True
+    if burst.begins_cut:
+        return plan, False
+    begin = _posture(joints, plan.joint_names, burst.first)
+    distances = [float(np.linalg.norm(begin - end)) for end in (plan.start, plan.end)]
+    # A motion away from the plan's end, such as raising the arm again, is judged by its way.
+    return (None, True) if min(distances) > _NEAR_PLAN_RAD else (plan, False)
+
+
+def _posture(joints: JointSeries, names: tuple[str, ...], row: int) -> Vector:
+    columns = [joints.names.index(name) for name in names]
+    return np.asarray(joints.position[row, columns], dtype=float)
+
+
+def _way(joints: JointSeries, plan: RecordedPlan, burst: Burst) -> float:
+    """Return how far the motion went along the plan; NaN positions count as all of it."""
+    begin = _posture(joints, plan.joint_names, burst.first)
+    finish = _posture(joints, plan.joint_names, burst.last)
+    way = moved_towards(plan.start, plan.end, begin, finish)
+    return 1.0 if np.isnan(way) else way
+
+
+def _measure(
+    recording: Recording,
+    burst: Burst,
+    plan: RecordedPlan | None,
+    planned_other: bool,
+    overridden: Sequence[Inhibition],
+    tolerance: float,
+) -> MeasuredSwing:
+    joints, muscles = recording.joints, recording.muscles
+    begin, finish = float(joints.time[burst.first]), float(joints.time[burst.last])
+    command = None
+    if not burst.begins_cut:
+        command = swing_command(recording.commands, begin, float(joints.time[burst.fastest]))
+    start = begin if command is None else command
+    shown = (start - SHOWN_BEFORE_SEC, finish + SHOWN_AFTER_SEC)
+    around = _piece(burst, joints, shown)
+    joint_series = _joints_between(joints, around, start)
+    muscle_series = None if muscles is None else _muscles_between(muscles, *shown, start)
+    arrival = _arrival(joints, burst, plan, start, tolerance)
+    inhibited = tuple(
+        Inhibition(one.start - start, one.end - start, one.muscles)
+        for one in within(overridden, *shown)
+    )
+    notes = _notes(recording, burst, plan, planned_other, command is not None)
+    if np.isnan(arrival) and not (burst.ends_cut or burst.begins_cut):
+        notes.append(f"the arm did not come within {tolerance:g} rad of the end posture")
+    rejected, ended = _inhibitor_report(recording, *shown)
+    return MeasuredSwing(
+        source=recording.source,
+        namespace=recording.namespace,
+        number=1,
+        method="unplanned" if plan is None else plan.method,
+        start=start,
+        commanded=command is not None,
+        arrival=arrival,
+        tolerance=tolerance,
+        rest=finish - start,
+        plan=plan,
+        joints=_joint_figures(joint_series, plan, finish - start),
+        muscles=_muscle_figures(muscle_series, plan, inhibited, finish - start),
+        joint_series=joint_series,
+        muscle_series=muscle_series,
+        inhibited=inhibited,
+        latency=inhibition_latency(recording.overrides, muscles, *shown),
+        rejected=rejected,
+        ended=ended,
+        faulty=_faulty(muscle_series),
+        notes=tuple(notes),
+    )
+
+
+def _piece(burst: Burst, joints: JointSeries, shown: tuple[float, float]) -> slice:
+    """Return the rows around a motion whose times rise without a break."""
+    time, row = joints.time, joints.row
+    first, last = burst.first, burst.last
+    while (
+        first > 0
+        and row[first - 1] == row[first] - 1
+        and shown[0] <= time[first - 1] <= time[first] + STAMP_JITTER_SEC
+    ):
+        first -= 1
+    while (
+        last + 1 < time.size
+        and row[last + 1] == row[last] + 1
+        and time[last] - STAMP_JITTER_SEC <= time[last + 1] <= shown[1]
+    ):
+        last += 1
+    return slice(first, last + 1)
+
+
+def _joints_between(joints: JointSeries, rows: slice, start: float) -> JointSeries:
+    return JointSeries(
+        joints.names,
+        joints.row[rows],
+        frozen(joints.time[rows] - start),
+        frozen(joints.position[rows]),
+        frozen(joints.velocity[rows]),
+    )
+
+
+def _muscles_between(
+    muscles: MuscleSeries, begin: float, end: float, start: float
+) -> MuscleSeries | None:
+    rows = np.flatnonzero((muscles.time >= begin) & (muscles.time <= end))
+    if rows.size == 0:
+        return None
+    # Where a clock jumped back the same times come twice: the longer piece is this swing's.
+    back = np.diff(muscles.time[rows]) < -STAMP_JITTER_SEC
+    pieces = np.split(rows, np.flatnonzero(back) + 1)
+    rows = max(pieces, key=len)
+    return MuscleSeries(
+        muscles.names,
+        frozen(muscles.time[rows] - start),
+        frozen(muscles.velocity[rows]),
+        frozen(muscles.tension[rows]),
+        frozen(muscles.current[rows]),
+        muscles.mode[rows],
+        muscles.fault[rows],
+    )
+
+
+def _arrival(
+    joints: JointSeries, burst: Burst, plan: RecordedPlan | None, start: float, tolerance: float
+) -> float:
+    """Return when the arm first was near the end [s] after `start`; NaN if it was not.
+
+    Without a plan the end is where the arm came to rest.
+    """
+    if plan is None and burst.ends_cut:
+        return np.nan
+    names = joints.names if plan is None else plan.joint_names
+    columns = [joints.names.index(name) for name in names]
+    end = joints.position[burst.last, columns] if plan is None else plan.end
+    rows = np.arange(burst.first, burst.last + 1)
+    distance = np.linalg.norm(joints.position[rows][:, columns] - end, axis=1)
+    near = rows[(distance < tolerance) & (joints.time[rows] >= start)]
+    return float(joints.time[near[0]] - start) if near.size else np.nan
+
+
+def _notes(
+    recording: Recording,
+    burst: Burst,
+    plan: RecordedPlan | None,
+    planned_other: bool,
+    commanded: bool,
+) -> list[str]:
+    notes = []
+    if burst.begins_cut:
+        notes.append("half a swing: the recording begins, or has a gap, in the middle of it")
+    if burst.ends_cut:
+        notes.append("half a swing: the recording ends, or has a gap, before the arm rested")
+    if planned_other:
+        notes.append("the plan in the bag is another swing's: nothing is predicted")
+    elif plan is None:
+        notes.append("no plan in the bag: nothing is predicted, the end is where the arm rested")
+    if not commanded and not burst.begins_cut:
+        notes.append("no length command before it: time counts from the first motion")
+    if recording.muscles is None:
+        notes.append("no muscle states in the bag: muscle speed and tension are unknown")
+    return notes
+
+
+def _peaks(values: Matrix) -> Vector:
+    """Return the largest magnitude of each column; NaN where all are NaN or there is no row."""
+    known = ~np.isnan(values)
+    largest = np.max(np.abs(values), axis=0, where=known, initial=0.0)
+    return np.where(known.any(axis=0), largest, np.nan)
+
+
+def _joint_figures(
+    joints: JointSeries, plan: RecordedPlan | None, rest: float
+) -> tuple[JointFigures, ...]:
+    swinging = (joints.time > 0.0) & (joints.time <= rest)
+    measured = _peaks(joints.velocity[swinging])
+    predicted: dict[str, float] = {}
+    if plan is not None:
+        peaks = _peaks(plan.joint_velocity).tolist()
+        predicted = dict(zip(plan.joint_names, peaks, strict=True))
+    return tuple(
+        JointFigures(name, float(peak), predicted.get(name, np.nan))
+        for name, peak in zip(joints.names, measured, strict=True)
+    )
+
+
+def _muscle_figures(
+    muscles: MuscleSeries | None,
+    plan: RecordedPlan | None,
+    inhibited: tuple[Inhibition, ...],
+    rest: float,
+) -> tuple[MuscleFigures, ...]:
+    if muscles is None:
+        return ()
+    swinging = (muscles.time > 0.0) & (muscles.time <= rest)
+    speeds, tensions = _peaks(muscles.velocity[swinging]), _peaks(muscles.tension[swinging])
+    predicted: dict[str, tuple[float, float, bool]] = {}
+    if plan is not None:
+        peaks = _peaks(plan.muscle_velocity).tolist()
+        rows = zip(peaks, plan.elongation.tolist(), (~plan.kept).tolist(), strict=True)
+        predicted = dict(zip(plan.muscle_names, rows, strict=True))
+    swing = within(inhibited, 0.0, rest)
+    figures = []
+    for name, speed, tension in zip(muscles.names, speeds, tensions, strict=True):
+        expected, elongation, masked = predicted.get(name, (np.nan, np.nan, False))
+        time = sum((one.end - one.start for one in swing if name in one.muscles), 0.0)
+        figures.append(
+            MuscleFigures(name, float(speed), expected, float(tension), time, elongation, masked)
+        )
+    return tuple(figures)
+
+
+def _faulty(muscles: MuscleSeries | None) -> tuple[str, ...]:
+    if muscles is None:
+        return ()
+    flags = np.any(muscles.fault != 0, axis=0).tolist()
+    return tuple(name for name, flag in zip(muscles.names, flags, strict=True) if flag)
+
+
+def _inhibitor_report(recording: Recording, begin: float, end: float) -> tuple[int, str]:
+    """Return how many joint states the inhibitor rejected meanwhile, and why it disarmed."""
+    status = recording.status
+    if status is None:
+        return 0, ""
+    rows = np.flatnonzero((status.time >= begin) & (status.time <= end))
+    armed = rows[status.armed[rows]]
+    if armed.size == 0:
+        return 0, ""
+    later = int(armed[-1]) + np.flatnonzero(~status.armed[armed[-1] :])
+    ended = status.reason[later[0]] if later.size else ""
+    return int(status.rejected[armed].max()), ended

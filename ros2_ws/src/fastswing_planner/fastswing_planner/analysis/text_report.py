@@ -1,0 +1,191 @@
+"""What was found, as text for a terminal."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fastswing_planner.analysis.checks import CheckResult, swing_label
+from fastswing_planner.analysis.comparison import Difference
+from fastswing_planner.analysis.figures_table import FIGURES
+from fastswing_planner.analysis.findings import BagFindings
+from fastswing_planner.analysis.latency import Latency
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.motor_limits import (
+    MotorLimits,
+    beyond_tension,
+    beyond_velocity,
+    limits_known,
+)
+from fastswing_planner.analysis.topic_timing import TopicTiming
+
+SWING_HEAD = (
+    "swing",
+    "method",
+    "at [s]",
+    "peak joint speed [rad/s]",
+    "time [s]",
+    "muscle speed [m/s]",
+    "beyond limit",
+    "tension [N]",
+    "masked",
+)
+LATENCY_TITLES = {
+    "state_to_override": "joint state to override",
+    "override_to_zero": "override to zero current",
+    "state_to_zero": "joint state to zero current",
+}
+TOPIC_HEAD = ("topic", "messages", "rate [Hz]", "longest pause [ms]", "gaps", "missing", "dropped")
+
+
+def findings_text(findings: Sequence[BagFindings], limits: MotorLimits) -> str:
+    """Return tables of swings, latencies and topics of each bag."""
+    return "\n\n".join(_bag_text(one, limits) for one in findings)
+
+
+def _bag_text(findings: BagFindings, limits: MotorLimits) -> str:
+    parts = [findings.source]
+    parts += [f"  {line}" for line in findings.lines]
+    if findings.swings:
+        rows = [swing_cells(swing, limits) for swing in findings.swings]
+        parts += ["", table(SWING_HEAD, rows), "", "measured (predicted)"]
+        parts += [f"  swing {one.number}: {note}" for one in findings.swings for note in one.notes]
+        parts += [
+            f"  swing {one.number}: faulty muscles: {', '.join(one.faulty)}"
+            for one in findings.swings
+            if one.faulty
+        ]
+        latencies = [row for swing in findings.swings for row in latency_cells(swing)]
+        if latencies:
+            head = ("latency", "swing", "count", "median [ms]", "99% [ms]", "longest [ms]")
+            parts += ["", table(head, latencies)]
+    if findings.topics:
+        parts += ["", table(TOPIC_HEAD, [topic_cells(topic) for topic in findings.topics])]
+    counted = counter_lines(findings)
+    if counted:
+        parts += ["", "counted by the nodes while it was recorded:", *counted]
+    return "\n".join(parts)
+
+
+def swing_cells(swing: MeasuredSwing, limits: MotorLimits) -> list[str]:
+    """Return a swing's row below SWING_HEAD."""
+    joint, muscle, tight = swing.main_joint, swing.fastest_muscle, swing.tightest_muscle
+    return [
+        str(swing.number),
+        swing.method,
+        f"{swing.start:.2f}",
+        f"{beside(joint.peak_speed, joint.predicted_peak_speed)} {joint.name}",
+        beside(swing.arrival, swing.predicted_time),
+        "–" if muscle is None else f"{muscle.peak_speed:.2f} {muscle.name}",
+        beyond_text(swing, limits),
+        "–" if tight is None else f"{tight.peak_tension:.0f} {tight.name}",
+        " ".join(swing.plan.masked) or "none" if swing.plan is not None else "–",
+    ]
+
+
+def beyond_text(swing: MeasuredSwing, limits: MotorLimits) -> str:
+    """Return the muscles that exceeded their speed limit, or pulled beyond the boards' limit."""
+    if not limits_known(swing, limits):
+        return "–"
+    fast, tight = beyond_velocity(swing, limits), beyond_tension(swing, limits)
+    parts = [" ".join(fast)] if fast else []
+    if tight:
+        parts.append(f"tension {' '.join(tight)}")
+    return ", ".join(parts) or "none"
+
+
+def beside(measured: float, predicted: float) -> str:
+    """Return 'measured (predicted)' with two decimals; '–' for what is unknown."""
+    text = "–" if np.isnan(measured) else f"{measured:.2f}"
+    return text if np.isnan(predicted) else f"{text} ({predicted:.2f})"
+
+
+def latency_cells(swing: MeasuredSwing) -> list[list[str]]:
+    """Return a row for each latency that was measured in a swing."""
+    rows = []
+    for name, title in LATENCY_TITLES.items():
+        latency: Latency = getattr(swing.latency, name)
+        if latency.values.size or latency.missing or latency.unusable:
+            count = str(latency.values.size)
+            if latency.missing:
+                count += f", {latency.missing} never"
+            if latency.unusable:
+                count += f", {latency.unusable} before their state"
+            figures = (latency.median, latency.p99, latency.longest)
+            rows.append([title, str(swing.number), count, *(_milliseconds(one) for one in figures)])
+    return rows
+
+
+def _milliseconds(seconds: float) -> str:
+    return "–" if np.isnan(seconds) else f"{1e3 * seconds:.2f}"
+
+
+def topic_cells(topic: TopicTiming) -> list[str]:
+    """Return a topic's row below TOPIC_HEAD."""
+    return [
+        topic.name + (f" (clock back {topic.jumps} times)" if topic.jumps else ""),
+        str(topic.count),
+        "–" if np.isnan(topic.rate) else f"{topic.rate:.1f}",
+        _milliseconds(topic.longest) if topic.steady else "–",
+        str(len(topic.gaps)) if topic.steady else "–",
+        str(topic.missing) if topic.steady else "–",
+        "–" if topic.dropped is None else str(topic.dropped),
+    ]
+
+
+def counter_lines(findings: BagFindings) -> list[str]:
+    """Return what the nodes rejected or lost, a line for each node."""
+    return [
+        f"  {node}: " + ", ".join(f"{name} {count}" for name, count in counts.items())
+        for node, counts in findings.counters.items()
+        if counts
+    ]
+
+
+def comparison_text(first: str, second: str, differences: Sequence[Difference]) -> str:
+    """Return a comparison of two groups as a table."""
+    head = ("method", "figure", first, second, "change", "p", "verdict")
+    rows = [comparison_cells(one) for one in differences]
+    return f"{table(head, rows)}\n\nmedian (quartiles), number of swings; p: exact rank-sum test"
+
+
+def comparison_cells(difference: Difference) -> list[str]:
+    """Return a row: method, figure, both groups, change of the median, p-value, verdict."""
+    figure = FIGURES[difference.figure]
+    groups = []
+    for one in (difference.first, difference.second):
+        quartiles = f"{figure.text(one.low)} to {figure.text(one.high)}"
+        groups.append(f"{figure.text(one.median)} ({quartiles}), {one.count}")
+    change = difference.change
+    return [
+        difference.method,
+        f"{figure.title} [{figure.unit}]" if figure.unit else figure.title,
+        *groups,
+        "–" if np.isnan(change) else f"{change:+.{figure.decimals}f}",
+        "–" if np.isnan(difference.p_value) else f"{difference.p_value:.3f}",
+        difference.verdict,
+    ]
+
+
+def check_text(result: CheckResult) -> str:
+    """Return one line for each violation, and the verdict."""
+    lines = [f"FAIL {line}" for line in result.violations]
+    if result.passed:
+        lines.append(f"PASS: {result.checked} limits kept")
+    elif not result.checked:
+        lines.append("FAIL no swing and no topic to check")
+    return "\n".join(lines)
+
+
+def swing_title(swing: MeasuredSwing) -> str:
+    """Return a swing's name for pictures."""
+    return swing_label(swing)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return aligned columns below a line."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (head, *rows)
+    ]
+    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])

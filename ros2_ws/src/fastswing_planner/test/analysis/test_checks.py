@@ -1,0 +1,170 @@
+"""Limits in a file, and one line for each that is violated."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fastswing_planner.analysis.checks import (
+    Bounds,
+    CheckResult,
+    LimitsFileError,
+    check,
+    parse_limits,
+    read_limits,
+)
+from fastswing_planner.analysis.figures_table import FIGURES
+from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.analysis.swing_finding import FindingSettings
+from fastswing_planner.analysis.topic_timing import TopicTiming, topic_timing
+
+LABEL = "run.mcap swing 1 (inhibit, at 3.98 s): "
+
+
+@pytest.fixture
+def swing(recorded: Callable[..., Recording]) -> MeasuredSwing:
+    return measure_swings(recorded(), FindingSettings())[0]
+
+
+@pytest.fixture
+def topics(recorded: Callable[..., Recording]) -> dict[str, list[TopicTiming]]:
+    return {"run.mcap": [topic_timing(one) for one in recorded().topics]}
+
+
+def checked(content: Any, swing: MeasuredSwing) -> CheckResult:
+    return check(parse_limits(content), [swing], {})
+
+
+def test_limits_that_are_kept_pass(swing: MeasuredSwing) -> None:
+    result = checked({"each_swing": {"time": {"max": 1.0}, "joint_speed": {"min": 2.9}}}, swing)
+    assert (result.passed, result.checked, result.violations) == (True, 2, ())
+
+
+@pytest.mark.parametrize(
+    ("limits", "line"),
+    [
+        ({"time": {"max": 0.5}}, "time to the end posture is 0.875 s, at most 0.5 s allowed"),
+        (
+            {"joint_speed": {"min": 4, "max": 5}},
+            "peak speed of any joint is 3 rad/s, 4 to 5 rad/s allowed",
+        ),
+        ({"rejected": 0}, "joint states rejected is 2, exactly 0 allowed"),
+        ({"joints": {"E-p": {"max": 2}}}, "peak speed of E-p is 3 rad/s, at most 2 rad/s allowed"),
+        (
+            {"muscle_speeds": {"#9": {"max": 0.3}}},
+            "peak speed of #9 is 0.5 m/s, at most 0.3 m/s allowed",
+        ),
+        (
+            {"tensions": {"#1": {"max": 100}}},
+            "largest tension of #1 is 170 N, at most 100 N allowed",
+        ),
+        ({"joints": {"knee": {"max": 2}}}, "unknown joint 'knee', the bag holds: S-p, E-p"),
+    ],
+)
+def test_a_violation_is_one_line_with_swing_value_and_bound(
+    swing: MeasuredSwing, limits: Any, line: str
+) -> None:
+    assert checked({"each_swing": limits}, swing).violations == (LABEL + line,)
+
+
+def test_an_unknown_figure_violates_its_limit(recorded: Callable[..., Recording]) -> None:
+    (swing,) = measure_swings(recorded(muscles=None), FindingSettings())
+    assert checked({"each_swing": {"tension": {"max": 300}}}, swing).violations == (
+        LABEL + "largest tension is unknown, at most 300 N allowed",
+    )
+
+
+def test_a_methods_limits_are_for_its_swings_only(swing: MeasuredSwing) -> None:
+    strict = {"time": {"max": 0.1}}
+    result = checked({"methods": {"inhibit": strict, "basic": strict}}, swing)
+    assert [line.partition(": ")[0] for line in result.violations] == [
+        LABEL[:-2],
+        "no swing by method 'basic'",
+    ]
+
+
+def test_the_number_of_swings_is_checked(swing: MeasuredSwing) -> None:
+    assert checked({"swings": 3}, swing).violations == ("1 swings, exactly 3 allowed",)
+
+
+def test_without_any_swing_nothing_passes() -> None:
+    result = check(parse_limits({"each_swing": {"time": {"max": 1}}}), [], {})
+    assert (result.checked, result.passed) == (0, False)
+
+
+@pytest.mark.parametrize("name", ["joint_states", "/joint_states"])
+def test_topics_are_checked_with_or_without_their_namespace(
+    name: str, topics: dict[str, list[TopicTiming]]
+) -> None:
+    limits = parse_limits({"topics": {name: {"rate": {"min": 400}, "gaps": {"max": 0}}}})
+    result = check(limits, [], topics)
+    assert result.checked == 2
+    assert result.violations == ("run.mcap /joint_states: rate is 200 Hz, at least 400 Hz allowed",)
+
+
+def test_a_topic_that_is_missing_violates_its_limits(topics: dict[str, list[TopicTiming]]) -> None:
+    limits = parse_limits({"topics": {"muscle_state": {"rate": {"min": 1}}}})
+    assert check(limits, [], topics).violations == (
+        "run.mcap: no topic 'muscle_state', the bag holds: /joint_states",
+    )
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_every_figure_can_be_limited(name: str, swing: MeasuredSwing) -> None:
+    value = FIGURES[name].of(swing)
+    assert np.isfinite(value)
+    assert checked({"each_swing": {name: {"max": value}}}, swing).passed
+    assert not checked({"each_swing": {name: {"max": value - 0.001}}}, swing).passed
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (None, "the file is None, expected a mapping"),
+        ({}, "no limits; choose from: swings, each_swing, methods, topics"),
+        (
+            {"swing": 1},
+            "the file: unknown key 'swing', choose from: swings, each_swing, methods, topics",
+        ),
+        ({"swings": "3"}, "swings is '3', expected a number, or min, max or both"),
+        ({"swings": {"most": 3}}, "swings: unknown key 'most', choose from: min, max"),
+        ({"swings": {"min": True}}, "swings: min is True, expected a number"),
+        ({"swings": {"min": 3, "max": 1}}, "swings: min 3 is above max 1"),
+        (
+            {"each_swing": {"time": {"max": float("nan")}}},
+            "each_swing: time: max is nan, expected a number",
+        ),
+        ({"each_swing": {"joints": 3}}, "each_swing: joints is 3, expected a mapping"),
+        (
+            {"topics": {"a": {"speed": 3}}},
+            "topics: a: unknown key 'speed', choose from: rate, longest_pause, gaps, dropped",
+        ),
+    ],
+)
+def test_a_wrong_file_is_refused_with_key_and_choices(content: Any, text: str) -> None:
+    with pytest.raises(LimitsFileError) as caught:
+        parse_limits(content)
+    assert str(caught.value) == text
+
+
+def test_an_unknown_figure_in_the_file_lists_the_figures() -> None:
+    with pytest.raises(LimitsFileError, match="unknown key 'speed', choose from: main_joint_speed"):
+        parse_limits({"each_swing": {"speed": 1}})
+
+
+def test_the_file_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "limits.yaml"
+    path.write_text("swings: [")
+    with pytest.raises(LimitsFileError, match=f"^{path}: not YAML: "):
+        read_limits(path)
+    with pytest.raises(LimitsFileError, match="cannot be read"):
+        read_limits(tmp_path / "none.yaml")
+
+
+def test_bounds_are_inclusive() -> None:
+    assert Bounds(1.0, 2.0).allows(1.0)
+    assert Bounds(1.0, 2.0).allows(2.0)
+    assert not Bounds().allows(np.nan)

@@ -1,0 +1,74 @@
+"""Two groups of swings: medians, spread, and whether they differ."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fastswing_planner.analysis.comparison import Difference, compare, spread
+from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.analysis.swing_finding import FindingSettings
+
+
+@pytest.fixture
+def swings(recorded: Callable[..., Recording]) -> Callable[..., list[MeasuredSwing]]:
+    """Return swings with these times [s] and a method."""
+    (swing,) = measure_swings(recorded(), FindingSettings())
+
+    def build(times: Sequence[float], method: str = "inhibit") -> list[MeasuredSwing]:
+        return [replace(swing, arrival=time, method=method) for time in times]
+
+    return build
+
+
+def of_time(differences: Sequence[Difference]) -> Difference:
+    (found,) = [one for one in differences if one.figure == "time"]
+    return found
+
+
+Swings = Callable[..., list[MeasuredSwing]]
+SLOW = [0.9, 0.91, 0.92, 0.93]
+FAST = [0.7, 0.71, 0.72, 0.73]
+
+
+def test_groups_that_do_not_overlap_differ(swings: Swings) -> None:
+    found = of_time(compare(swings(SLOW), swings(FAST)))
+    assert found.verdict == "different"
+    assert found.change == pytest.approx(-0.2)
+    # 2 of the 70 ways to divide eight values into fours.
+    assert found.p_value == pytest.approx(2 / 70)
+
+
+def test_equal_groups_show_no_difference(swings: Swings) -> None:
+    assert of_time(compare(swings(SLOW), swings(SLOW))).verdict == "no difference shown"
+
+
+def test_three_against_three_can_never_tell(swings: Swings) -> None:
+    assert of_time(compare(swings(SLOW[:3]), swings(FAST[:3]))).verdict == "too few swings to tell"
+
+
+def test_a_figure_that_one_group_lacks_is_named_so(swings: Swings) -> None:
+    found = of_time(compare(swings(SLOW), swings([np.nan] * 4)))
+    assert (found.second.count, found.verdict) == (0, "only in one group")
+
+
+def test_methods_are_compared_with_themselves(swings: Swings) -> None:
+    first = swings(SLOW, "basic") + swings(FAST, "elongate")
+    found = compare(first, swings(SLOW, "basic") + swings(FAST, "hybrid"))
+    assert {one.method for one in found} == {"basic"}
+
+
+def test_groups_of_different_methods_are_compared_as_wholes(swings: Swings) -> None:
+    found = compare(swings(SLOW, "basic"), swings(FAST, "elongate"))
+    assert {one.method for one in found} == {"all"}
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=20))
+def test_a_spread_is_in_order(values: list[float]) -> None:
+    found = spread([*values, np.nan])
+    assert found.count == len(values)
+    assert found.least <= found.low <= found.median <= found.high <= found.most
