@@ -131,6 +131,7 @@ class Laboratory:
             # Both computers are this one, and would meet in its shared memory.
             "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
         }
+        del self.environment["FASTRTPS_DEFAULT_PROFILES_FILE"]  # these two are for one computer
         self.robot = View(self.hosts.robot, self.environment)
         self.task = View(self.hosts.task, self.environment)
 

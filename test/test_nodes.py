@@ -44,6 +44,17 @@ def test_an_ended_node_leaves_no_traceback(world: "Suite", executable: str, tmp_
     assert "Traceback" not in process.log.read_text()
 
 
+@pytest.mark.parametrize("executable", EXECUTABLES)
+def test_a_node_uses_no_shared_memory_of_dds(
+    world: "Suite", executable: str, tmp_path: Path
+) -> None:
+    # A node that follows a killed one could lose its port there, and be deaf; docs/safety.md.
+    start(world, executable, tmp_path)
+    world.wait_for_state(executable, State.PRIMARY_STATE_ACTIVE)
+    maps = Path(f"/proc/{world.processes[executable].pid}/maps").read_text()
+    assert "fastrtps_port" not in maps
+
+
 def test_a_parameter_out_of_range_ends_the_node_with_2(world: "Suite") -> None:
     assert world.start("bridge", control_rate=-5.0).wait(END_SEC) == 2
 

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time as TimeMessage
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
-from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
@@ -58,6 +58,7 @@ _COMMANDS = {
 _OVERRIDE = "current_override"
 _DEAD = "the control process died, see the log: nothing is sent, the boards' watchdog acts"
 _SWITCH_INTERVAL_SEC = 1e-4
+_CLOCK_READINGS, _CLOCK_READING_NS = 5, 50_000
 _HEARTBEATS = 10
 """In the time after which the control process stops without one."""
 _FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
@@ -162,7 +163,10 @@ class BridgeNode(ManagedNode):
         self._inputs, self._triggers = [], []
         try:
             self._loop = ControlProcess(
-                task, self._publish, self.get_logger().error, self.context.ok
+                task,
+                self._publish,
+                self.get_logger().error,
+                lambda: not self.asked_to_end(),
             )
         except BaseException:
             self._disconnect()
@@ -303,10 +307,7 @@ class BridgeNode(ManagedNode):
     # States.
 
     def _publish(self, measured: Measurement) -> None:
-        age = round((time.monotonic() - measured.received) * 1e9)
-        # A simulated clock may not have begun yet.
-        now = self.get_clock().now().nanoseconds
-        header = Header(stamp=Time(nanoseconds=max(now - age, 0)).to_msg())
+        header = Header(stamp=self._stamp(measured.received))
         rows, joints = measured.state.rows, measured.state.joints
         silent = measured.lost & (rows["fault"] == Fault.NONE)
         fault = np.where(silent, np.uint8(Fault.BUS), rows["fault"])
@@ -341,6 +342,18 @@ class BridgeNode(ManagedNode):
                 velocity=joints["velocity"].tolist(),
             )
         )
+
+    def _stamp(self, received: float) -> TimeMessage:
+        """Return the node's time at the monotonic time `received` [s]."""
+        clock = self.get_clock()
+        for _ in range(_CLOCK_READINGS):
+            now, monotonic = clock.now().nanoseconds, time.monotonic()
+            # Somebody else may have computed between the two: read them again.
+            if abs(now - clock.now().nanoseconds) < _CLOCK_READING_NS:
+                break
+        # A simulated clock may not have begun yet.
+        made = max(now - round((monotonic - received) * 1e9), 0)
+        return TimeMessage(sec=made // 1_000_000_000, nanosec=made % 1_000_000_000)
 
     # Diagnostics.
 
