@@ -56,7 +56,9 @@ TimeBase = Literal["log", "publish", "header"]
 """When a message was recorded, when it was published, or the stamp in its header."""
 
 _PARSERS = {"ros2msg": parse_ros2msg, "ros2idl": parse_ros2idl}
-_CHUNK = 16384
+_CHUNK = 8192
+_MOST_HELD = 1 << 24
+"""[bytes] of blocks that are kept as a whole while a batch is collected."""
 _LARGEST_STEP_BACK_NS = 10_000_000
 """[ns] messages may be recorded in another order than they came."""
 
@@ -291,15 +293,19 @@ class Bag:
             schemas = {c.id: self._schema(file, c) for owner, c in channels if owner is file}
             waiting: list[Messages] = []
             waiting_for = -1
+            held = 0
             for channel, messages in file.read(schemas):
                 if waiting and channel != waiting_for:
                     yield schemas[waiting_for], waiting
-                    waiting = []
-                waiting.append(messages.alone())
+                    waiting, held = [], 0
+                waiting.append(messages)
+                held += len(messages.content)
+                if held > _MOST_HELD:
+                    waiting, held = [part.alone() for part in waiting], 0
                 waiting_for = channel
                 if sum(map(len, waiting)) >= size:
                     yield schemas[channel], waiting
-                    waiting = []
+                    waiting, held = [], 0
             if waiting:
                 yield schemas[waiting_for], waiting
 
