@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bench import HOLD, NODES, Bench, Disturbed
-from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO, BoardLines
+from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO
 from fault_rows import Row, Safe
 
 from fastswing_planner.swing_execution import ExecutionSettings
@@ -85,22 +85,17 @@ def _attempt(bench: Bench, row: Row) -> Outcome:
     bench.suite.diagnostics.clear()
     outcome = Outcome(row.name)
     lines = bench.lines  # the fault may end the boards, and their log
+    there = bench.swing is not None and bench.swing.distance_to_end < 2.0 * ARRIVAL_TOLERANCE
     start = time.monotonic()
     row.inject(bench)
-    if row.phase == "swing" and not _in_time(bench, lines, start):
+    lines.poll()
+    if row.phase == "swing" and (there or not lines.letting_go(start)):
         raise Disturbed("the fault came too late: the arm was there")
     outcome.safe_after = _wait_until_safe(bench, row, start)
     outcome.seen = _wait_until_seen(bench, row)
     _judge(bench, outcome, start)
     _recover(bench, row, outcome)
     return outcome
-
-
-def _in_time(bench: Bench, lines: BoardLines, start: float) -> bool:
-    lines.poll()
-    swing = bench.swing
-    there = swing is not None and swing.distance_to_end < 2.0 * ARRIVAL_TOLERANCE
-    return lines.letting_go(start) and not there
 
 
 def _wait_until_safe(bench: Bench, row: Row, start: float) -> float | None:
