@@ -4,8 +4,10 @@ The rule is fed the joint states that the inhibitor decided on, which their stam
 a swing from outside, such as the service or the clock, ends it here as it was published.
 """
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.bag import Bag
 from fastswing_planner.bag_errors import BagError
 from fastswing_planner.errors import PlannerError
+from fastswing_planner.message_columns import Column
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.swing_execution import JointMeasurement
 
@@ -65,10 +68,12 @@ class ReplayedSwing:
 
     start_ns   [ns] stamp of the arming, or of the first decision if that is not in the bag
     threshold  C [s/rad] as published
-    protected  muscles that were above C and never inhibited: the request's kept_muscle
+    protected  muscles taken for the request's kept_muscle: above C, never inhibited, and kept in
+               the plan
     decisions  in the order of publishing
     end        why it was over as published; None if the bag ends before
     rejected   joint states that the inhibitor could not use
+    missing    what was published, or should have been, and is not in the bag, a line each
     complaint  why it could not be replayed; empty if it was
     """
 
@@ -78,6 +83,7 @@ class ReplayedSwing:
     decisions: tuple[Compared, ...]
     end: Reason | None
     rejected: int
+    missing: tuple[str, ...] = ()
     complaint: str = ""
 
     @property
@@ -107,7 +113,8 @@ class Replay:
     def agrees(self) -> bool:
         """Whether every decision was replayed as it was published."""
         return not self.override_differences and all(
-            not swing.complaint and swing.agreed == len(swing.decisions) for swing in self.swings
+            not swing.complaint and not swing.missing and swing.agreed == len(swing.decisions)
+            for swing in self.swings
         )
 
 
@@ -122,6 +129,19 @@ class _Status:
     decision: Decision
     decisions: int
     rejected: int
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """What a plan in the bag says.
+
+    goal  [rad] in the model's order
+    kept  muscles that its mask keeps, so that they may be in kept_muscle, shape (m,)
+    """
+
+    log_ns: int
+    goal: Vector
+    kept: BoolVector
 
 
 def replay(
@@ -144,11 +164,9 @@ def replay(
         velocity_limit = frozen(np.full(velocity_limit.shape, what_if.velocity_limit))
     joints = _joint_states(bag, model, prefix)
     statuses = list(_statuses(bag, model, prefix))
-    goals = list(_goals(bag, model, prefix))
-    rule = _Rule(model, velocity_limit, settings or InhibitionSettings(), what_if)
-    swings = [
-        rule.replayed(part, joints, _goal_at(goals, part[0].log_ns)) for part in _armings(statuses)
-    ]
+    plans = list(_plans(bag, model, prefix))
+    rule = _Rule(model, velocity_limit, settings or InhibitionSettings(), what_if, joints)
+    swings = [rule.replayed(part, _plan_at(plans, part[0].log_ns)) for part in _armings(statuses)]
     return Replay(
         tuple(model.muscle_names),
         tuple(swings),
@@ -157,7 +175,7 @@ def replay(
 
 
 class _Rule:
-    """The inhibitor's rule with one robot."""
+    """The inhibitor's rule with one robot, on the joint states of one bag."""
 
     def __init__(
         self,
@@ -165,53 +183,74 @@ class _Rule:
         velocity_limit: Vector,
         settings: InhibitionSettings,
         what_if: WhatIf,
+        joints: Mapping[int, tuple[Vector, Vector]],
     ) -> None:
         self._model = model
         self._velocity_limit = velocity_limit
         self._settings = settings
         self._what_if = what_if
+        self._joints = joints
+        self._stamps = sorted(joints)
 
-    def replayed(
-        self,
-        statuses: Sequence[_Status],
-        joints: Mapping[int, tuple[Vector, Vector]],
-        goal: Vector | None,
-    ) -> ReplayedSwing:
+    def replayed(self, statuses: Sequence[_Status], plan: _Plan | None) -> ReplayedSwing:
         """Return one armed time decided again."""
         first = statuses[0]
-        decided = [status for status in statuses if status.decisions or not status.armed]
-        protected = _protected(statuses)
         swing = ReplayedSwing(
             first.stamp_ns,
             first.threshold,
-            tuple(np.array(self._model.muscle_names)[protected]),
+            (),
             (),
             None if statuses[-1].armed else statuses[-1].decision.reason,
             statuses[-1].rejected,
+            tuple(self._missing(statuses)),
         )
-        if goal is None:
+        if plan is None:
             return replace(swing, complaint="no plan before it, so its goal is not known")
+        protected = _never_inhibited(statuses) & plan.kept
         threshold = self._what_if.threshold
         inhibition = Inhibition(self._model, self._velocity_limit, self._settings)
         inhibition.see(0.0)
         inhibition.arm(
             Arming(
-                goal, first.threshold if threshold is None else threshold, protected, np.inf, 0.0
+                plan.goal,
+                first.threshold if threshold is None else threshold,
+                protected,
+                np.inf,
+                0.0,
             )
         )
         return replace(
-            swing, decisions=tuple(self._compared(inhibition, decided, joints, first.stamp_ns))
+            swing,
+            protected=tuple(np.array(self._model.muscle_names)[protected]),
+            decisions=tuple(self._compared(inhibition, statuses)),
         )
 
-    def _compared(
-        self,
-        inhibition: Inhibition,
-        statuses: Sequence[_Status],
-        joints: Mapping[int, tuple[Vector, Vector]],
-        start_ns: int,
-    ) -> Iterator[Compared]:
+    def _missing(self, statuses: Sequence[_Status]) -> Iterator[str]:
+        """Yield a line for each gap in the count of decisions, and for an end without status."""
+        for before, status in pairwise(statuses):
+            count = _lost_between(before, status)
+            if count:
+                yield f"{count} decisions after stamp {before.stamp_ns} ns are not in the bag"
+        last = statuses[-1]
+        silence = (self._stamps[-1] - last.stamp_ns) * 1e-9 if self._stamps else 0.0
+        if last.armed and silence > self._settings.state_timeout:
+            yield (
+                f"no status after stamp {last.stamp_ns} ns is in the bag, though joint states go "
+                f"on for {silence:.3f} s"
+            )
+
+    def _compared(self, inhibition: Inhibition, statuses: Sequence[_Status]) -> Iterator[Compared]:
+        start_ns = statuses[0].stamp_ns
+        before: _Status | None = None
         for status in statuses:
-            state = joints.get(status.stamp_ns)
+            between = self._between(before, status)
+            if before is not None and _lost_between(before, status):
+                for stamp_ns in between:
+                    self._decided(inhibition, stamp_ns, start_ns)
+            before = status
+            if status.armed and not status.decisions:
+                continue  # the arming
+            state = self._joints.get(status.stamp_ns)
             published = status.decision
             if not status.armed and (published.reason not in _BY_RULE or state is None):
                 return  # ended from outside: by the service, or by a clock
@@ -219,25 +258,47 @@ class _Rule:
                 text = "its joint state is not in the bag"
                 yield Compared(status.stamp_ns, published, None, text)
                 continue
-            time = (status.stamp_ns - start_ns) * 1e-9
-            try:
-                made = inhibition.decide(JointMeasurement(time, *state))
-            except PlannerError as error:
-                yield Compared(status.stamp_ns, published, None, str(error))
+            made = self._decided(inhibition, status.stamp_ns, start_ns)
+            if isinstance(made, str):
+                yield Compared(status.stamp_ns, published, None, made)
                 continue
-            yield Compared(
-                status.stamp_ns,
-                published,
-                made,
-                _difference(self._model.muscle_names, published, made),
-            )
+            text = _difference(self._model.muscle_names, published, made, bool(between))
+            yield Compared(status.stamp_ns, published, made, text)
+
+    def _between(self, before: _Status | None, status: _Status) -> list[int]:
+        """Return the stamps [ns] of the joint states between those of two statuses."""
+        if before is None:
+            return []
+        low = bisect_right(self._stamps, before.stamp_ns)
+        return self._stamps[low : bisect_left(self._stamps, status.stamp_ns)]
+
+    def _decided(self, inhibition: Inhibition, stamp_ns: int, start_ns: int) -> Decision | str:
+        """Return what the rule decides on a joint state, or why it cannot."""
+        time = (stamp_ns - start_ns) * 1e-9
+        try:
+            return inhibition.decide(JointMeasurement(time, *self._joints[stamp_ns]))
+        except PlannerError as error:
+            return str(error)
 
 
-def _difference(names: Sequence[str], published: Decision, made: Decision) -> str:
-    """Say in words what differs between two decisions; empty if nothing does."""
+def _lost_between(before: _Status, status: _Status) -> int:
+    """Return how many decisions were counted between two statuses and are not in the bag."""
+    return max(status.decisions - before.decisions - status.armed, 0)
+
+
+def _difference(
+    names: Sequence[str], published: Decision, made: Decision, passed_over: bool
+) -> str:
+    """Say in words what differs between two decisions; empty if nothing does.
+
+    passed_over  whether the bag has joint states from between it and the decision before
+    """
     if published.reason is not made.reason:
-        stale = made.reason is Reason.STALE_STATE
-        hint = ": is state_timeout the node's?" if stale else ""
+        hint = ""
+        if made.reason is Reason.STALE_STATE:
+            hint = ": is state_timeout the node's?"
+            if passed_over:
+                hint = ": it had not decided on the joint states before it, which are in the bag"
         return f"published {_reason(published.reason)}, replayed {_reason(made.reason)}{hint}"
     if published.direction_from_goal != made.direction_from_goal:
         which = {True: "to the goal", False: "of motion"}
@@ -269,7 +330,7 @@ def _reason(reason: Reason) -> str:
     return "a decision" if reason is Reason.NONE else f"the end {reason.name}"
 
 
-def _protected(statuses: Sequence[_Status]) -> BoolVector:
+def _never_inhibited(statuses: Sequence[_Status]) -> BoolVector:
     """Return the muscles that were above C in some decision and inhibited in none."""
     above = np.array([s.decision.speed_index > s.threshold for s in statuses if s.armed])
     inhibited = np.array([s.decision.inhibited for s in statuses if s.armed])
@@ -309,7 +370,7 @@ def _order(what: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     if missing:
         raise UnusableForReplay(
             f"{what} of the model are not in the bag: {', '.join(missing)}; it has: "
-            f"{', '.join(names)}. Choose the robot with --model"
+            f"{', '.join(names)}. Choose the robot with --robot"
         )
     return [list(names).index(name) for name in wanted]
 
@@ -319,13 +380,19 @@ def _joint_states(bag: Bag, model: MuscleModel, prefix: str) -> dict[int, tuple[
     topic = _topic(bag, JOINT_TYPE, prefix)
     found: dict[int, tuple[Vector, Vector]] = {}
     for part in bag.stream(topic, "header", ["name", "position", "velocity"]):
-        order = _order("joints", part.names(), model.joint_names)
-        if part["velocity"].shape != part["position"].shape:
-            raise UnusableForReplay(f"{topic} has no velocities")
+        names = part.names()
+        order = _order("joints", names, model.joint_names)
+        for field in ("position", "velocity"):
+            _check_width(topic, field, part[field], len(names))
         position, velocity = part["position"][:, order], part["velocity"][:, order]
         for stamp, at, rate in zip(part.time_ns.tolist(), position, velocity, strict=True):
             found[stamp] = (frozen(at), frozen(rate))
     return found
+
+
+def _check_width(topic: str, field: str, column: Column, count: int) -> None:
+    if column.ndim != 2 or column.shape[1] != count:
+        raise UnusableForReplay(f"{field} of {topic} has not one value for each name")
 
 
 def _statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Status]:
@@ -334,7 +401,9 @@ def _statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Status]:
     topic = _topic(bag, STATUS_TYPE, prefix)
     known = [field for field in fields if field in bag.fields(topic)]
     for part in bag.stream(topic, "header", known):
-        order = _order("muscles", part.names(), model.muscle_names)
+        names = part.names()
+        order = _order("muscles", names, model.muscle_names)
+        _check_width(topic, "speed_index", part["speed_index"], len(names))
         rejected = part["rejected"] if "rejected" in part else np.zeros(part.count, dtype=int)
         for row in range(part.count):
             chosen = set(part["inhibited"][row])
@@ -342,7 +411,7 @@ def _statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Status]:
                 np.array([name in chosen for name in model.muscle_names]),
                 frozen(part["speed_index"][row][order]),
                 bool(part["direction_from_goal"][row]),
-                Reason(int(part["reason"][row])),
+                _known_reason(topic, int(part["reason"][row])),
             )
             yield _Status(
                 int(part.time_ns[row]),
@@ -355,34 +424,60 @@ def _statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Status]:
             )
 
 
-def _goals(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[tuple[int, Vector]]:
-    """Yield log time [ns] and goal [rad] of each plan."""
+def _known_reason(topic: str, value: int) -> Reason:
+    try:
+        return Reason(value)
+    except ValueError:
+        raise UnusableForReplay(f"{topic} has the reason {value}, which is not known") from None
+
+
+def _plans(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Plan]:
+    """Yield what each plan says."""
     for topic in bag.topics_of_type(PLAN_TYPE):
         if topic.startswith(prefix):
             for log_ns, plan in bag.messages(topic):
                 order = _order("joints", plan.joint_name, model.joint_names)
-                yield log_ns, frozen([plan.end_position[index] for index in order])
+                if len(plan.end_position) != len(plan.joint_name):
+                    raise UnusableForReplay(
+                        f"end_position of {topic} has not one value for each joint"
+                    )
+                kept = {
+                    name for name, flag in zip(plan.muscle_name, plan.mask, strict=False) if flag
+                }
+                yield _Plan(
+                    log_ns,
+                    frozen([plan.end_position[index] for index in order]),
+                    np.array([name in kept for name in model.muscle_names]),
+                )
 
 
-def _goal_at(goals: Sequence[tuple[int, Vector]], time_ns: int) -> Vector | None:
-    """Return the goal of the last plan before a time."""
-    before = [goal for when, goal in goals if when <= time_ns]
+def _plan_at(plans: Sequence[_Plan], time_ns: int) -> _Plan | None:
+    """Return the last plan before a time."""
+    before = [plan for plan in plans if plan.log_ns <= time_ns]
     return before[-1] if before else None
 
 
 def _override_differences(
     bag: Bag, model: MuscleModel, statuses: Sequence[_Status], prefix: str
 ) -> Iterator[str]:
-    """Yield a line for each override that is not what the status of its stamp says."""
+    """Yield a line for each override that is missing, or not what the status of its stamp says."""
     said = {status.stamp_ns: status.decision.inhibited for status in statuses}
     names = np.array(model.muscle_names)
+    found = set()
     for topic in bag.topics_of_type(OVERRIDE_TYPE):
         if not topic.startswith(prefix):
             continue
         for part in bag.stream(topic, "header", ["name"]):
             for stamp, chosen in zip(part.time_ns.tolist(), part["name"], strict=True):
+                found.add(stamp)
                 if stamp in said and set(chosen) != set(names[said[stamp]]):
                     yield (
                         f"the override of stamp {stamp} ns names {', '.join(chosen) or 'nothing'}, "
                         f"its status {', '.join(names[said[stamp]]) or 'nothing'}"
                     )
+    for stamp, inhibited in said.items():
+        if inhibited.any() and stamp not in found:
+            yield (
+                f"the override of stamp {stamp} ns is not in the bag, its status names "
+                f"{', '.join(names[inhibited])}"
+            )

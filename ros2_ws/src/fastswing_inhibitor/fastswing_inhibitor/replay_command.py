@@ -44,7 +44,7 @@ def _replay(options: argparse.Namespace) -> int:
         if value is not None and not low <= value < math.inf:
             expected = "0 or more" if name == "threshold" else "more than 0"
             raise InvalidLimit(f"--{name.replace('_', '-')} is {value:g}, expected {expected}")
-    robot = load_robot(resolve_path(options.model or MUSASHI))
+    robot = load_robot(resolve_path(options.model or options.robot))
     bag = open_bag(*options.bag)
     settings = InhibitionSettings(
         **{row.name: getattr(options, row.name) for row in fields(InhibitionSettings)}
@@ -77,10 +77,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("bag", nargs="+", type=Path, help="MCAP file or folder; several are one")
     parser.add_argument("--prefix", default="", help="namespace of the robot's topics, '/left'")
+    parser.add_argument("--robot", default=MUSASHI, help="the YAML file the inhibitor had")
     changes = parser.add_argument_group("what if")
     changes.add_argument("--threshold", type=float, help="another C [s/rad]")
     changes.add_argument("--velocity-limit", type=float, help="another limit of all muscles [m/s]")
-    changes.add_argument("--model", help="another robot's YAML file")
+    changes.add_argument("--model", help="another YAML file than the inhibitor had")
     node = parser.add_argument_group("the inhibitor's parameters, if they were not the defaults")
     for row in fields(InhibitionSettings):
         node.add_argument(

@@ -7,6 +7,8 @@ import numpy as np
 from fastswing_inhibitor.inhibition import Reason
 from fastswing_inhibitor.replay import Replay, ReplayedSwing
 
+_MOST_LINES = 3
+
 
 def replay_text(found: Replay, bag_start_ns: int, what_if: str = "") -> str:
     """Return what was replayed, times [s] from the bag's start.
@@ -18,9 +20,9 @@ def replay_text(found: Replay, bag_start_ns: int, what_if: str = "") -> str:
         lines.append("the inhibitor was never armed in this bag")
     for number, swing in enumerate(found.swings, 1):
         lines += _swing_lines(number, swing, found.muscle_names, bag_start_ns, bool(what_if))
-    lines += found.override_differences[:3]
-    if len(found.override_differences) > 3:
-        lines.append(f"and {len(found.override_differences) - 3} more overrides")
+    lines += found.override_differences[:_MOST_LINES]
+    if len(found.override_differences) > _MOST_LINES:
+        lines.append(f"and {len(found.override_differences) - _MOST_LINES} more overrides")
     return "\n".join(lines)
 
 
@@ -41,6 +43,9 @@ def _swing_lines(
     end = "the bag ends before it" if swing.end is None else swing.end.name
     protected = f", never inhibited: {', '.join(swing.protected)}" if swing.protected else ""
     yield f"  end {end}, {swing.rejected} joint states rejected{protected}"
+    yield from (f"  {line}" for line in swing.missing[:_MOST_LINES])
+    if len(swing.missing) > _MOST_LINES:
+        yield f"  and {len(swing.missing) - _MOST_LINES} more gaps"
     first = swing.first_difference
     if first is not None:
         time = (first.stamp_ns - bag_start_ns) * 1e-9

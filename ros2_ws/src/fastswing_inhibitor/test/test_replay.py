@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from fastswing_inhibitor import replay_command
 from fastswing_inhibitor.inhibition import Arming, Decision, Inhibition, InhibitionSettings, Reason
 from fastswing_inhibitor.replay import Replay, UnusableForReplay, WhatIf, replay
 from fastswing_inhibitor.replay_text import replay_text
@@ -71,6 +73,7 @@ class Case:
     goal: Sequence[float] = (2.0, 1.0)
     threshold: float = 0.0
     protected: Sequence[bool] = (False, False, False)
+    mask: Sequence[int] = (1, 1, 1)
     prefix: str = ""
 
 
@@ -90,7 +93,12 @@ def write(path: Path, case: Case, change: Change = lambda number, topic, message
             data = bytes(serialize_message(message))
             bag.write(case.prefix + topic, data, time_ns, time_ns)
 
-    plan = SwingPlan(joint_name=BentArm.joint_names, end_position=list(case.goal))
+    plan = SwingPlan(
+        joint_name=BentArm.joint_names,
+        end_position=list(case.goal),
+        muscle_name=BentArm.muscle_names,
+        mask=case.mask,
+    )
     put(0, "/swing_plan", plan, START_NS - 1000)
     inhibition = Inhibition(BentArm(), LIMIT, InhibitionSettings())
     inhibition.see(0.0)
@@ -186,6 +194,16 @@ def test_protected_muscles_are_found(tmp_path: Path) -> None:
     assert swing.agreed == 20
 
 
+def test_a_muscle_that_the_plan_masks_is_not_taken_for_kept(tmp_path: Path) -> None:
+    case = straight()
+    case.protected, case.mask = (True, False, False), (0, 1, 1)
+    found = replayed(write(tmp_path / "a.mcap", case))
+    (swing,) = found.swings
+    assert (swing.protected, found.agrees) == ((), False)
+    assert swing.first_difference is not None
+    assert swing.first_difference.difference == "same q, but inhibited differ: m0"
+
+
 def test_a_bit_of_q_is_a_difference(tmp_path: Path) -> None:
     def nudge(number: int, topic: str, message: Any) -> Any:
         if (number, topic) == (5, "/inhibition_status"):
@@ -223,6 +241,114 @@ def test_an_override_that_is_not_the_decision_is_named(tmp_path: Path) -> None:
     assert found.override_differences == (
         f"the override of stamp {START_NS + 7 * PERIOD_NS} ns names nothing, its status m0",
     )
+
+
+def test_an_override_that_is_not_in_the_bag_is_named(tmp_path: Path) -> None:
+    def lose(number: int, topic: str, message: Any) -> Any:
+        return None if (number, topic) == (7, "/current_override") else message
+
+    found = replayed(write(tmp_path / "a.mcap", straight(), lose))
+    assert not found.agrees
+    assert found.override_differences == (
+        f"the override of stamp {START_NS + 7 * PERIOD_NS} ns is not in the bag, its status names "
+        "m0",
+    )
+
+
+def lose_statuses(number: int, topic: str, message: Any) -> Any:
+    """Lose decisions 5 to 18: for longer than state_timeout."""
+    return None if 5 <= number <= 18 and topic != "/joint_states" else message
+
+
+def test_decisions_that_are_not_in_the_bag_are_counted(tmp_path: Path) -> None:
+    found = replayed(write(tmp_path / "a.mcap", straight(), lose_statuses))
+    assert not found.agrees
+    assert found.swings[0].missing == (
+        f"14 decisions after stamp {START_NS + 4 * PERIOD_NS} ns are not in the bag",
+    )
+
+
+def test_the_joint_states_of_missing_decisions_are_decided_on(tmp_path: Path) -> None:
+    (swing,) = replayed(write(tmp_path / "a.mcap", straight(), lose_statuses)).swings
+    assert swing.first_difference is None
+
+
+def test_a_text_names_what_is_missing(tmp_path: Path) -> None:
+    found = replayed(write(tmp_path / "a.mcap", straight(), lose_statuses))
+    assert f"  {found.swings[0].missing[0]}" in replay_text(found, START_NS).splitlines()
+
+
+def test_statuses_that_stop_while_joint_states_go_on_are_named(tmp_path: Path) -> None:
+    def stop(number: int, topic: str, message: Any) -> Any:
+        return message if number < 5 or topic == "/joint_states" else None
+
+    found = replayed(write(tmp_path / "a.mcap", straight(), stop))
+    assert not found.agrees
+    assert found.swings[0].missing == (
+        f"no status after stamp {START_NS + 4 * PERIOD_NS} ns is in the bag, though joint states "
+        "go on for 0.080 s",
+    )
+
+
+def test_state_timeout_is_not_blamed_if_joint_states_were_passed_over(tmp_path: Path) -> None:
+    def uncounted(number: int, topic: str, message: Any) -> Any:
+        message = lose_statuses(number, topic, message)
+        if message is not None and number > 18 and topic == "/inhibition_status":
+            message.decisions -= 14
+        return message
+
+    (swing,) = replayed(write(tmp_path / "a.mcap", straight(), uncounted)).swings
+    assert swing.first_difference is not None
+    assert swing.first_difference.difference == (
+        "published a decision, replayed the end STALE_STATE: it had not decided on the joint "
+        "states before it, which are in the bag"
+    )
+
+
+def test_a_lease_shorter_than_the_states_age_changes_no_decision(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.mcap", straight())
+    assert replayed(path, settings=InhibitionSettings(lease=0.002)).agrees
+
+
+def spoil_reason(number: int, topic: str, message: Any) -> Any:
+    if topic == "/inhibition_status":
+        message.reason = 99
+    return message
+
+
+def spoil_speed_index(number: int, topic: str, message: Any) -> Any:
+    if topic == "/inhibition_status":
+        message.speed_index = message.speed_index[:2]
+    return message
+
+
+def spoil_position(number: int, topic: str, message: Any) -> Any:
+    if topic == "/joint_states":
+        message.position, message.velocity = [], []
+    return message
+
+
+def spoil_end_position(number: int, topic: str, message: Any) -> Any:
+    if topic == "/swing_plan":
+        message.end_position = message.end_position[:1]
+    return message
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (spoil_reason, "/inhibition_status has the reason 99, which is not known"),
+        (spoil_speed_index, "speed_index of /inhibition_status has not one value for each name"),
+        (spoil_position, "position of /joint_states has not one value for each name"),
+        (spoil_end_position, "end_position of /swing_plan has not one value for each joint"),
+    ],
+)
+def test_a_message_that_cannot_be_used_is_one_line(
+    tmp_path: Path, change: Change, complaint: str
+) -> None:
+    with pytest.raises(UnusableForReplay) as caught:
+        replayed(write(tmp_path / "a.mcap", straight(), change))
+    assert str(caught.value) == complaint
 
 
 def test_a_joint_state_that_was_not_recorded_is_named(tmp_path: Path) -> None:
@@ -311,3 +437,46 @@ def test_the_text_says_what_agreed_and_who_was_inhibited(tmp_path: Path) -> None
         "  m0: inhibited in 20 decisions as published, 20 replayed",
         "  m2: inhibited in 9 decisions as published, 9 replayed",
     ]
+
+
+# The command: a verification can fail for any arm, a what-if cannot.
+
+
+@pytest.fixture
+def loaded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Let every description be that of the bent arm; return the names of those loaded."""
+    names: list[str] = []
+
+    def load(path: Path) -> Any:
+        names.append(path.name)
+        return SimpleNamespace(model=BentArm(), limits=SimpleNamespace(velocity=LIMIT))
+
+    monkeypatch.setattr(replay_command, "load_robot", load)
+    monkeypatch.setattr(replay_command, "resolve_path", Path)
+    return names
+
+
+def spoilt(folder: Path) -> str:
+    """Write a bag in which one override is missing."""
+
+    def lose(number: int, topic: str, message: Any) -> Any:
+        return None if (number, topic) == (7, "/current_override") else message
+
+    return str(write(folder / "a.mcap", straight(), lose))
+
+
+def test_a_difference_fails_the_verification_of_any_robot(
+    tmp_path: Path, loaded: list[str]
+) -> None:
+    assert replay_command.main([spoilt(tmp_path), "--robot", "/other.yaml"]) == 1
+    assert loaded == ["other.yaml"]
+
+
+def test_a_difference_is_the_answer_of_a_what_if(tmp_path: Path, loaded: list[str]) -> None:
+    assert replay_command.main([spoilt(tmp_path), "--model", "/other.yaml"]) == 0
+    assert loaded == ["other.yaml"]
+
+
+def test_a_bag_that_agrees_passes(tmp_path: Path, loaded: list[str]) -> None:
+    path = write(tmp_path / "a.mcap", straight())
+    assert replay_command.main([str(path), "--robot", "/other.yaml"]) == 0

@@ -19,6 +19,7 @@ Everything here raises a `BagError` whose text is one line.
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -29,6 +30,7 @@ from mcap.records import Channel
 
 from fastswing_planner.bag_errors import (
     BagError,
+    NoHeader,
     UndecodableMessage,
     UnknownTopic,
     UnreadableBag,
@@ -39,7 +41,7 @@ from fastswing_planner.bag_writer import NOTES
 from fastswing_planner.cdr_layout import decode
 from fastswing_planner.idl_schema import parse_ros2idl
 from fastswing_planner.mcap_file import McapFile
-from fastswing_planner.mcap_messages import Messages
+from fastswing_planner.mcap_messages import Messages, merged
 from fastswing_planner.mcap_scan import scan
 from fastswing_planner.message_columns import (
     ColumnDecoder,
@@ -89,7 +91,7 @@ class Bag:
 
     def __init__(self, files: Sequence[McapFile], warnings: Sequence[str] = ()) -> None:
         """Put files together, the earliest first."""
-        self._files = sorted(files, key=lambda file: (file.start_ns == 0, file.start_ns))
+        self._files = sorted(files, key=lambda file: (file.empty, file.start_ns))
         self._own_warnings = list(warnings)
         self._topics = _topics(self._files)
         self._schemas: dict[tuple[str, str, bytes], Schema] = {}
@@ -112,7 +114,7 @@ class Bag:
     @property
     def start_ns(self) -> int:
         """[ns] first log time; 0 if the bag is empty."""
-        return min((file.start_ns for file in self._files if file.start_ns), default=0)
+        return min((file.start_ns for file in self._files if not file.empty), default=0)
 
     @property
     def end_ns(self) -> int:
@@ -142,11 +144,11 @@ class Bag:
     @property
     def lost(self) -> dict[str, int]:
         """Messages that our recorder knows it lost, by topic; empty if the bag does not say."""
-        try:
-            counts = json.loads(self.metadata[NOTES]["lost"])
-            return {str(topic): int(count) for topic, count in counts.items()}
-        except (KeyError, ValueError, AttributeError):
-            return {}
+        total: dict[str, int] = {}
+        for _, name, content in self.metadata_records:
+            for topic, count in _lost_in(content).items() if name == NOTES else ():
+                total[topic] = total.get(topic, 0) + count
+        return total
 
     def topics_of_type(self, type_name: str) -> list[str]:
         """Return the topics of a type that have messages, the one with most messages first."""
@@ -182,11 +184,16 @@ class Bag:
         time    the time base of `Columns.time`
         fields  the paths wanted; None: all
 
-        Raises UnknownTopic or UndecodableMessage.
+        Raises UnknownTopic, or UndecodableMessage, also for messages with different fields.
         """
         parts = list(self.stream(topic, time, fields))
         if len(parts) == 1:
             return parts[0]
+        if any(part.fields.keys() != parts[0].fields.keys() for part in parts):
+            raise UndecodableMessage(
+                f"{topic} has messages with different fields: name those that all of them have, "
+                "or read it as plain messages"
+            )
         return Columns(
             topic,
             np.concatenate([part.time_ns for part in parts]),
@@ -292,22 +299,34 @@ class Bag:
         for file in self._files:
             schemas = {c.id: self._schema(file, c) for owner, c in channels if owner is file}
             waiting: list[Messages] = []
-            waiting_for = -1
+            waiting_for: Schema | None = None
             held = 0
-            for channel, messages in file.read(schemas):
-                if waiting and channel != waiting_for:
-                    yield schemas[waiting_for], waiting
+            for schema, messages in _in_order(file.read(schemas), schemas):
+                if waiting and waiting_for is not None and schema is not waiting_for:
+                    yield waiting_for, waiting
                     waiting, held = [], 0
                 waiting.append(messages)
                 held += len(messages.content)
                 if held > _MOST_HELD:
                     waiting, held = [part.alone() for part in waiting], 0
-                waiting_for = channel
+                waiting_for = schema
                 if sum(map(len, waiting)) >= size:
-                    yield schemas[channel], waiting
+                    yield schema, waiting
                     waiting, held = [], 0
-            if waiting:
-                yield schemas[waiting_for], waiting
+            if waiting and waiting_for is not None:
+                yield waiting_for, waiting
+
+
+def _in_order(
+    parts: Iterator[tuple[int, Messages]], schemas: Mapping[int, Schema]
+) -> Iterator[tuple[Schema, Messages]]:
+    """Yield each block's messages by type, those of several channels in the order of recording."""
+    for _, block in groupby(parts, key=lambda part: id(part[1].content)):
+        of_type: dict[Schema, list[Messages]] = {}
+        for channel, messages in block:
+            of_type.setdefault(schemas[channel], []).append(messages)
+        for schema, several in of_type.items():
+            yield schema, several[0] if len(several) == 1 else merged(several)
 
 
 class _TopicDecoder:
@@ -367,6 +386,15 @@ def open_bag(*paths: str | Path) -> Bag:
     return Bag(files, [*warnings, *map(str, complaints)])
 
 
+def _lost_in(notes: Mapping[str, str]) -> dict[str, int]:
+    """Return what one file's recorder says it lost, by topic."""
+    try:
+        counts = json.loads(notes["lost"])
+        return {str(topic): int(count) for topic, count in counts.items()}
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return {}
+
+
 def _topics(files: Sequence[McapFile]) -> dict[str, Topic]:
     found: dict[str, Topic] = {}
     for file in files:
@@ -411,7 +439,7 @@ def _stamp_path(topic: str, schema: Schema) -> str:
         parts = [paths.get(f"{stamp}.{part}") for part in ("sec", "nanosec")]
         if all(part is not None and part.ndim == 1 and part.dtype.kind in "iu" for part in parts):
             return stamp
-    raise UnknownTopic(f"{topic} ({schema.name}) has no header: use the time base log or publish")
+    raise NoHeader(f"{topic} ({schema.name}) has no header: use the time base log or publish")
 
 
 def _named(topic: str, function: Any, *arguments: Any) -> Any:

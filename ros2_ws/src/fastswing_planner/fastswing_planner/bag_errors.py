@@ -26,5 +26,9 @@ class UnknownTopic(BagError):
     """A topic, type or field that the bag does not have."""
 
 
+class NoHeader(UnknownTopic):
+    """A topic whose messages have no stamp."""
+
+
 class UndecodableMessage(BagError):
     """A message or a definition that does not follow its type."""

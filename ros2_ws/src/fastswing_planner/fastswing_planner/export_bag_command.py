@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fastswing_planner.bag import Bag, open_bag
-from fastswing_planner.bag_errors import BagError, UndecodableMessage
+from fastswing_planner.bag_errors import BagError, NoHeader, UndecodableMessage, one_line
 from fastswing_planner.bag_export import FORMATS, write_table
 
 
@@ -46,10 +46,10 @@ def _export(bag: Bag, options: argparse.Namespace) -> None:
     except OSError as error:
         raise BagError(f"cannot create {folder}: {error.strerror}") from error
     for name in options.topic or [n for n, topic in bag.topics.items() if topic.message_count]:
-        path = folder / f"{name.strip('/').replace('/', '.')}.{options.format}"
+        path = folder / f"{one_line(name).strip('/').replace('/', '.')}.{options.format}"
         try:
             columns = bag.columns(name, time=options.time)
-        except UndecodableMessage as error:
+        except (UndecodableMessage, NoHeader) as error:
             if options.topic:
                 raise
             print(f"left out: {error}", file=sys.stderr)

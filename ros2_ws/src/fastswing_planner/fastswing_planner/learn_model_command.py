@@ -18,6 +18,7 @@ from fastswing_planner.length_correction import (
     fit_correction,
     save_correction,
 )
+from fastswing_planner.mujoco_model import MujocoMuscleModel
 from fastswing_planner.muscle_samples import MuscleSamples, muscle_samples
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
@@ -52,6 +53,11 @@ def _learn(options: argparse.Namespace) -> None:
     output: Path = options.output
     if output.suffix != ".yaml":
         raise InvalidRequest(f"--output is '{output}', its name must end in .yaml")
+    for path in (output, output.with_suffix(".npz")):
+        if os.path.lexists(path):
+            raise InvalidRequest(f"{path} exists and is never overwritten; choose another --output")
+    if options.samples < 1:
+        raise InvalidRequest(f"--samples is {options.samples}, expected 1 or more")
     robot = load_robot(resolve_path(options.robot))
     bag = open_bag(*options.bag)
     samples = muscle_samples(
@@ -71,7 +77,10 @@ def learned(robot: Robot, samples: MuscleSamples) -> tuple[LengthCorrection, Mat
     if not len(samples.joint_position):
         raise InvalidRequest("no joint states near the muscle states in time: nothing to learn")
     model = robot.model
-    lengths = np.array([model.lengths(posture) for posture in samples.joint_position])
+    # The MJCF's own lengths: what a robot that was learned before knows is learned anew.
+    lengths = np.array(
+        [MujocoMuscleModel.lengths(model, posture) for posture in samples.joint_position]
+    )
     difference = np.where(samples.usable, samples.length - lengths, 0.0)
     correction = fit_correction(
         model.joint_names, model.muscle_names, samples.joint_position, difference, samples.usable
@@ -96,7 +105,7 @@ def report(correction: LengthCorrection, before: Matrix, samples: MuscleSamples)
     high = samples.joint_position.max(axis=0)
     lines = [
         f"{len(samples.joint_position)} samples, smooth over {correction.scale:g} rad, refused "
-        f"farther than {correction.reach:g} rad from all of them",
+        f"farther than {correction.reach:g} rad from any muscle's taut samples",
         "joint   recorded range [rad]",
     ]
     for name, least, most in zip(correction.joint_names, low, high, strict=True):
@@ -105,7 +114,8 @@ def report(correction: LengthCorrection, before: Matrix, samples: MuscleSamples)
     for index, name in enumerate(correction.muscle_names):
         values = before[samples.usable[:, index], index]
         after = correction.held_out_rms[index]
-        lines.append(f"{name:7} {np.std(values) * 1e3:8.3f}                {after * 1e3:8.3f}")
+        error = np.sqrt((values**2).mean())
+        lines.append(f"{name:7} {error * 1e3:8.3f}                {after * 1e3:8.3f}")
     return "\n".join(lines)
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 from pathlib import Path
+from xml.etree import ElementTree
 
 import mujoco
 
@@ -41,8 +42,20 @@ class LearnedMuscleModel(MujocoMuscleModel):
 
 
 def mjcf_hash(path: Path) -> str:
-    """Return what tells one MJCF file from another; empty if it cannot be read."""
+    """Return what tells one MJCF, with all that it includes, from another; empty if unreadable."""
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError:
+        content = b"".join(part.read_bytes() for part in _with_includes(path))
+    except (OSError, ElementTree.ParseError):
         return ""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _with_includes(path: Path) -> list[Path]:
+    """Return an MJCF file and those it includes; MuJoCo seeks them from the first one's folder."""
+    found = [path]
+    for part in found:  # which grows
+        for element in ElementTree.parse(part).iter("include"):
+            included = path.parent / element.get("file", "")
+            if included not in found:
+                found.append(included)
+    return found

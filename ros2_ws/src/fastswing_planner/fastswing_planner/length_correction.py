@@ -16,19 +16,21 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
 from fastswing_planner.errors import InvalidRequest, OutOfRange, RobotDescriptionError
 
 BoolMatrix = npt.NDArray[np.bool_]
 
 REACH = 0.3
-"""[rad] farther from all recorded postures the correction refuses to answer."""
+"""[rad] farther from every recorded posture the correction refuses to answer."""
 
 _SCALES = (0.5, 1.0, 2.0)  # [rad]
 _RIDGES = (1e-6, 1e-4, 1e-2)
 _JITTER = 1e-8
 _FEWEST = 20
-_VERSION = 1
+_FEWEST_TO_LEARN, _FEWEST_TO_CHECK = 15, 4
+_RESOLUTION = 0.1  # [rad]
+_VERSION = 2
 
 
 class TooFewSamples(InvalidRequest):
@@ -44,10 +46,11 @@ class LengthCorrection:
     weights        w [m], shape (p, m)
     mean           [m] constant part, shape (m,)
     scale          s [rad]
-    spread         [rad] every sample is this near to a centre
+    recorded       [rad] postures that stand for all samples, shape (k, n)
+    taut           which muscles were taut there, shape (k, m)
     held_out_rms   [m] error on samples that were held out, shape (m,)
     slope          [m/rad] root mean square of |dc/dtheta| among the data, shape (m,)
-    reach          [rad] farther from all data it refuses
+    reach          [rad] farther from every posture with a taut muscle its length is refused
     """
 
     joint_names: tuple[str, ...]
@@ -56,7 +59,8 @@ class LengthCorrection:
     weights: Matrix
     mean: Vector
     scale: float
-    spread: float
+    recorded: Matrix
+    taut: BoolMatrix
     held_out_rms: Vector
     slope: Vector
     reach: float = REACH
@@ -76,10 +80,10 @@ class LengthCorrection:
         # d exp(-|x|^2 / 2 s^2) / dx = -x / s^2 exp(...)
         return -self.weights.T @ (away * self._kernel(joint_position)[:, None])
 
-    def distance(self, joint_position: Vector) -> float:
-        """Return the distance to the recorded postures [rad]; 0 among them."""
-        nearest = float(np.linalg.norm(self.centers - joint_position, axis=1).min())
-        return max(nearest - self.spread, 0.0)
+    def distance(self, joint_position: Vector) -> Vector:
+        """Return how far the nearest posture is that each muscle was taut at [rad], shape (m,)."""
+        away = np.linalg.norm(self.recorded - joint_position, axis=1)
+        return frozen(np.where(self.taut, away[:, None], np.inf).min(axis=0))
 
     def uncertainty(self, joint_position: Vector) -> Vector:
         """Return the length's standard error [m], shape (m,): it grows away from the data.
@@ -90,16 +94,18 @@ class LengthCorrection:
         return frozen(np.hypot(self.held_out_rms, self.slope * self.distance(joint_position)))
 
     def check(self, joint_position: Vector) -> None:
-        """Raise OutOfRange for a posture farther than `reach` from all data."""
+        """Raise OutOfRange for a posture farther than `reach` from the data of some muscle."""
         distance = self.distance(joint_position)
-        if not distance <= self.reach:
+        if not (distance <= self.reach).all():
+            farthest = int(distance.argmax())
             angles = ", ".join(
                 f"{name} {angle:.3f}"
                 for name, angle in zip(self.joint_names, joint_position, strict=True)
             )
             raise OutOfRange(
-                f"the learned muscle lengths do not reach {angles} rad: {distance:.2f} rad from "
-                f"all recorded postures, at most {self.reach:g} rad; record there too"
+                f"the learned muscle lengths do not reach {angles} rad: "
+                f"{distance[farthest]:.2f} rad from every posture recorded with a taut "
+                f"{self.muscle_names[farthest]}, at most {self.reach:g} rad; record there too"
             )
 
     def _kernel(self, joint_position: Vector) -> Vector:
@@ -126,14 +132,9 @@ def fit_correction(
     """
     if usable is None:
         usable = np.ones(difference.shape, dtype=bool)
-    for name, count in zip(muscle_names, usable.sum(axis=0), strict=True):
-        if count < _FEWEST:
-            raise TooFewSamples(
-                f"muscle {name} has {count} usable samples, at least {_FEWEST} are needed: record "
-                "more motion, with taut muscles"
-            )
-    chosen, spread = spread_centers(joint_position, centers)
     held_out = _held_out(len(joint_position))
+    _check_counts(muscle_names, usable, held_out)
+    chosen = spread_centers(joint_position, centers)
     best: tuple[float, float, float, Vector] | None = None
     for scale in _SCALES:
         basis, _ = _whitened(chosen, joint_position, scale)
@@ -146,6 +147,7 @@ def fit_correction(
     _, scale, ridge, errors = best
     basis, back = _whitened(chosen, joint_position, scale)
     mean, hidden = _solve(basis, difference, usable, ridge)
+    kept = covering_samples(joint_position, usable, _RESOLUTION)
     found = LengthCorrection(
         tuple(joint_names),
         tuple(muscle_names),
@@ -153,19 +155,34 @@ def fit_correction(
         frozen(back @ hidden),
         frozen(mean),
         scale,
-        spread,
+        frozen(joint_position[kept]),
+        frozen_flags(usable[kept]),
         frozen(errors),
         frozen(np.zeros(len(errors))),
     )
-    slopes = np.array([found.jacobian(center) for center in found.centers])
+    slopes = np.array([found._slopes(center) for center in found.centers])
     return replace(found, slope=frozen(np.sqrt((slopes**2).sum(axis=2).mean(axis=0))))
 
 
-def spread_centers(joint_position: Matrix, count: int) -> tuple[Matrix, float]:
-    """Return at most `count` samples far from each other, and how near every sample is to one.
+def _check_counts(muscle_names: Sequence[str], usable: BoolMatrix, held_out: BoolVector) -> None:
+    """Raise TooFewSamples unless each muscle has samples enough to learn from and to check with."""
+    learn, check = usable[~held_out].sum(axis=0), usable[held_out].sum(axis=0)
+    for name, learnt, checked in zip(muscle_names, learn, check, strict=True):
+        if learnt + checked < _FEWEST:
+            raise TooFewSamples(
+                f"muscle {name} has {learnt + checked} usable samples, at least {_FEWEST} are "
+                "needed: record more motion, with taut muscles"
+            )
+        if learnt < _FEWEST_TO_LEARN or checked < _FEWEST_TO_CHECK:
+            raise TooFewSamples(
+                f"muscle {name} was taut in too short a part of the recording: {learnt} usable "
+                f"samples to learn from and {checked} to check with, at least {_FEWEST_TO_LEARN} "
+                f"and {_FEWEST_TO_CHECK} are needed"
+            )
 
-    Farthest-point sampling: shapes (p, n), and [rad].
-    """
+
+def spread_centers(joint_position: Matrix, count: int) -> Matrix:
+    """Return at most `count` samples far from each other, shape (p, n): farthest-point sampling."""
     first = int(np.argmin(np.linalg.norm(joint_position - joint_position.mean(axis=0), axis=1)))
     chosen = [first]
     distance = np.linalg.norm(joint_position - joint_position[first], axis=1)
@@ -174,7 +191,27 @@ def spread_centers(joint_position: Matrix, count: int) -> tuple[Matrix, float]:
         chosen.append(farthest)
         away = np.linalg.norm(joint_position - joint_position[farthest], axis=1)
         distance = np.minimum(distance, away)
-    return joint_position[chosen], float(distance.max())
+    return joint_position[chosen]
+
+
+def covering_samples(joint_position: Matrix, usable: BoolMatrix, resolution: float) -> list[int]:
+    """Return samples such that of each muscle every usable one is near to a usable one of them.
+
+    Near: at most `resolution` [rad]. Shapes (k, n) and (k, m).
+    """
+    chosen: list[int] = []
+    for muscle in np.unique(usable, axis=1).T:
+        bare = np.flatnonzero(muscle)
+        candidates = [index for index in chosen if muscle[index]]
+        while bare.size:
+            if candidates:
+                index = candidates.pop()
+            else:
+                index = int(bare[0])
+                chosen.append(index)
+            away = np.linalg.norm(joint_position[bare] - joint_position[index], axis=1)
+            bare = bare[away > resolution]
+    return chosen
 
 
 def save_correction(correction: LengthCorrection, path: Path, mjcf_hash: str) -> None:
@@ -191,7 +228,8 @@ def save_correction(correction: LengthCorrection, path: Path, mjcf_hash: str) ->
                 weights=correction.weights,
                 mean=correction.mean,
                 scale=correction.scale,
-                spread=correction.spread,
+                recorded=correction.recorded,
+                taut=correction.taut,
                 held_out_rms=correction.held_out_rms,
                 slope=correction.slope,
                 reach=correction.reach,
@@ -215,7 +253,8 @@ def load_correction(
             frozen(data["weights"]),
             frozen(data["mean"]),
             float(data["scale"]),
-            float(data["spread"]),
+            frozen(data["recorded"]),
+            frozen_flags(data["taut"]),
             frozen(data["held_out_rms"]),
             frozen(data["slope"]),
             float(data["reach"]),
@@ -277,9 +316,9 @@ def _solve(
 def _errors(
     basis: Matrix, difference: Matrix, usable: BoolMatrix, held_out: BoolVector, ridge: float
 ) -> Vector:
-    """Return the error on held-out samples [m], shape (m,); NaN counts as the whole difference."""
+    """Return the error on held-out samples [m], shape (m,); each muscle has some."""
     mean, hidden = _solve(basis, difference, usable & ~held_out[:, None], ridge)
     error = mean + basis @ hidden - difference
     tested = usable & held_out[:, None]
     squares = np.where(tested, error**2, 0.0).sum(axis=0)
-    return np.asarray(np.sqrt(squares / np.maximum(tested.sum(axis=0), 1)))
+    return np.asarray(np.sqrt(squares / tested.sum(axis=0)))

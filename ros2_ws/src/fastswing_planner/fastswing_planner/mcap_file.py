@@ -1,6 +1,6 @@
 """The messages of one MCAP file, block by block; `mcap_scan` finds out what the file holds."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -63,6 +63,11 @@ class McapFile:
     indexed: bool = False
     statistics: Statistics | None = None
 
+    @property
+    def empty(self) -> bool:
+        """Whether there are no messages, so that the times say nothing."""
+        return not any(self.counts.values())
+
     def read(self, channels: Collection[int]) -> Iterator[tuple[int, Messages]]:
         """Yield the messages of some channels as recorded, block by block: channel id, messages."""
         with opened(self.path) as stream:
@@ -123,7 +128,10 @@ class McapFile:
             return data
         content, complaint = unpacked(data)
         if complaint and not block.cut:
-            self.warn(f"the chunk at byte {block.begin} is damaged ({complaint}) and is left out")
+            counted = "it is" if block.counts is None else f"its {_sum(block.counts)} messages are"
+            self.warn(
+                f"the chunk at byte {block.begin} is damaged ({complaint}), {counted} left out"
+            )
             return b""
         return content
 
@@ -132,6 +140,10 @@ class McapFile:
         line = f"{self.path.name}: {text}"
         if line not in self.warnings:
             self.warnings.append(line)
+
+
+def _sum(counts: Mapping[int, int]) -> int:
+    return sum(counts.values())
 
 
 def opened(path: Path) -> BinaryIO:

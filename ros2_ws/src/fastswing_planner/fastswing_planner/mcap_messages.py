@@ -1,7 +1,7 @@
 """Where serialised messages stand in a block of MCAP records."""
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,6 +72,19 @@ class Messages:
         return _rows_at(self.content, begin, size)
 
 
+def merged(parts: Sequence[Messages]) -> Messages:
+    """Return messages of several channels inside of one block, as they stand there."""
+    order = np.argsort(np.concatenate([part.begin for part in parts]), kind="stable")
+    return Messages(
+        parts[0].content,
+        np.concatenate([part.begin for part in parts])[order],
+        np.concatenate([part.size for part in parts])[order],
+        np.concatenate([part.log_time_ns for part in parts])[order],
+        np.concatenate([part.publish_time_ns for part in parts])[order],
+        np.concatenate([part.sequence for part in parts])[order],
+    )
+
+
 def messages_at(
     content: bytes, places: npt.NDArray[np.int64], heads: npt.NDArray[np.void]
 ) -> Messages:
@@ -90,14 +103,13 @@ def message_heads(content: bytes) -> tuple[npt.NDArray[np.int64], npt.NDArray[np
     """Return place and head of each complete message record."""
     unpack = PREFIX.unpack_from
     found = []
-    at, last = 0, len(content) - PREFIX.size
-    while at <= last:
+    at, end = 0, len(content)
+    while at <= end - PREFIX.size:
         code, size = unpack(content, at)
-        if code == MESSAGE and size >= HEAD.itemsize - PREFIX.size:
+        after = at + 9 + size
+        if code == MESSAGE and size >= HEAD.itemsize - PREFIX.size and after <= end:
             found.append(at)
-        at += 9 + size
-    if found and (at > len(content) or found[-1] > len(content) - HEAD.itemsize):
-        found.pop()  # a cut record
+        at = after
     places = np.array(found, dtype=np.int64)
     return places, heads_at(content, places)
 

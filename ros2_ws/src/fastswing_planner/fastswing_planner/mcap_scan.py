@@ -1,10 +1,11 @@
 """Finds out what an MCAP file holds, also one that nobody finished or that is damaged.
 
-The file is walked from record to record, so it needs no index. The record layouts are those of the
-MCAP specification, version 0.
+The file is walked from record to record, so it needs no index; where it has one, that helps over
+damaged records. The record layouts are those of the MCAP specification, version 0.
 """
 
 import struct
+from bisect import bisect_right
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -16,9 +17,9 @@ from mcap.records import Channel, Metadata, Schema, Statistics
 
 from fastswing_planner.bag_errors import UnreadableBag
 from fastswing_planner.mcap_file import Block, McapFile, opened
+from fastswing_planner.mcap_index import MAGIC, known_places
 from fastswing_planner.mcap_messages import MESSAGE, PREFIX, message_heads
 
-MAGIC = b"\x89MCAP0\r\n"
 _INDEX_HEAD = struct.Struct("<HI")
 _PLAIN_BLOCK = 1 << 20
 
@@ -66,10 +67,21 @@ class _Scanner:
     def _walk(self) -> int:
         """Note what stands outside of chunks; returns where the last complete record ends."""
         at = len(MAGIC)
+        known = known_places(self._stream, self._size)
+        borders = [*known, self._size]
         while not self._complete and at + PREFIX.size <= self._size:
             self._stream.seek(at)
             code, size = PREFIX.unpack(self._stream.read(PREFIX.size))
             begin, after = at + PREFIX.size, at + PREFIX.size + size
+            chunk_size = known.get(at, 0)
+            border = borders[bisect_right(borders, at)]
+            if chunk_size and (code != _CHUNK or after != at + chunk_size):
+                self._file.warn(f"the head of the chunk at byte {at} is damaged, its index is used")
+                code, size, after = _CHUNK, chunk_size - PREFIX.size, at + chunk_size
+            elif border < self._size and (code == 0 or after > border):
+                self._file.warn(f"damaged at byte {at}, read on at byte {border}")
+                at = border
+                continue
             if code == 0 or after > self._size:
                 if code == _CHUNK:
                     self._file.blocks.append(Block(begin, self._size - begin, True, cut=True))
@@ -89,7 +101,8 @@ class _Scanner:
         elif code in (_SCHEMA, _CHANNEL, _METADATA, _STATISTICS):
             _note_record(file, code, self._stream.read(size))
         elif code == _FOOTER:
-            self._complete = True
+            self._stream.seek(begin + size)
+            self._complete = self._stream.read(len(MAGIC)) == MAGIC
 
     def _note_index(self, begin: int) -> None:
         """Count the messages that an index names for the chunk before it."""
@@ -157,6 +170,10 @@ class _Scanner:
             if block.cut:
                 count = sum(block.counts.values())
                 file.warn(f"{count} messages were recovered from its incomplete last chunk")
+        found = sum(file.counts.values())
+        if file.statistics is not None and found < file.statistics.message_count:
+            total = file.statistics.message_count
+            file.warn(f"{total - found} of its {total} messages are lost")
 
 
 def _note_definitions(file: McapFile, content: bytes) -> None:

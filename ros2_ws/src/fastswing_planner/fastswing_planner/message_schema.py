@@ -15,6 +15,7 @@ _SEPARATOR = re.compile(r"^={80}\r?\n", re.MULTILINE)
 _FIELD = re.compile(
     r"(?P<type>[\w/]+)(?:<=\d+)?(?P<array>\[(?:<=\d+|\d*)\])?\s+(?P<name>[a-zA-Z]\w*)(?P<rest>.*)"
 )
+_DEEPEST = 100
 _ALIASES = {"byte": "uint8", "char": "uint8"}
 
 PRIMITIVE_SIZE = {
@@ -100,6 +101,10 @@ def checked(schema: Schema) -> Schema:
     done: set[str] = set()
 
     def visit(name: str, inside: tuple[str, ...]) -> None:
+        if len(inside) > _DEEPEST:
+            raise UndecodableMessage(
+                f"the definition of {schema.name} nests types more than {_DEEPEST} deep"
+            )
         if name in inside:
             raise UndecodableMessage(f"the definition of {schema.name}: {name} contains itself")
         if name not in schema.types:

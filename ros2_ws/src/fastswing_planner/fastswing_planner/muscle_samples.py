@@ -40,7 +40,7 @@ class MuscleSamples:
 def muscle_samples(
     bag: Bag, model: MuscleModel, wire_stiffness: Vector, most: int = 20_000, prefix: str = ""
 ) -> MuscleSamples:
-    """Return at most about `most` samples, evenly over the bag.
+    """Return at most `most` samples, evenly over the bag.
 
     Joint angles are interpolated to the muscles' stamps, where joint states are near enough.
 
@@ -54,7 +54,7 @@ def muscle_samples(
     order = np.argsort(joints.time_ns, kind="stable")
     joint_time = joints.time_ns[order]
     position = _picked("joints", joints, "position", model.joint_names)[order]
-    step = max(muscles.count // most, 1)
+    step = -(-muscles.count // most)
     time = muscles.time_ns[::step]
     length = _picked("muscles", muscles, "length", model.muscle_names)[::step]
     tension = _picked("muscles", muscles, "tension", model.muscle_names)[::step]

@@ -100,6 +100,8 @@ class _Recorded:
     bytes: int = 0
     lost: int = 0
     sequence: int = 0
+    earlier_messages: int = 0
+    earlier_lost: int = 0
 
     def count(self, size: int, sequence: int) -> None:
         """Count a message; a single publisher's missing sequence numbers were lost."""
@@ -108,6 +110,10 @@ class _Recorded:
         self.sequence = sequence
         self.messages += 1
         self.bytes += size
+
+    def next_file(self) -> None:
+        """Let the present counts be those of earlier files."""
+        self.earlier_messages, self.earlier_lost = self.messages, self.lost
 
 
 class _WithInfo:
@@ -231,6 +237,7 @@ class RecordNode(ManagedNode):
         self._started = time.time()
         for recorded in self._recorded:
             recorded.messages = recorded.bytes = recorded.lost = recorded.sequence = 0
+            recorded.next_file()
         if self._is_file:
             self._bag = BagWriter(*options)
         else:
@@ -283,13 +290,17 @@ class RecordNode(ManagedNode):
                 self._on_message(recorded, *waiting)
 
     def _notes(self) -> dict[str, str]:
-        """Return what the bag says of its recording when a file of it is finished."""
+        """Return what a file that is being finished says of its part of the recording."""
+        messages = {one.topic.name: one.messages - one.earlier_messages for one in self._recorded}
+        lost = {one.topic.name: one.lost - one.earlier_lost for one in self._recorded}
+        for recorded in self._recorded:
+            recorded.next_file()
         return {
             "node": self.get_fully_qualified_name(),
             "started": f"{self._started:.9f}",
             "finished": f"{time.time():.9f}",
-            "messages": json.dumps({one.topic.name: one.messages for one in self._recorded}),
-            "lost": json.dumps({one.topic.name: one.lost for one in self._recorded}),
+            "messages": json.dumps(messages),
+            "lost": json.dumps(lost),
         }
 
     # Messages.

@@ -16,6 +16,7 @@ from bag_builder import (
     JOINT_STATE_NAME,
     NO_INDEX,
     SECOND,
+    SEPARATOR,
     START,
     STRING_NAME,
     Builder,
@@ -26,6 +27,7 @@ from bag_builder import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
 
 import fastswing_planner
@@ -250,6 +252,64 @@ def test_several_files_are_one_bag_in_order_of_time(tmp_path: Path) -> None:
     assert bag.warnings == []
 
 
+def test_a_file_that_begins_at_time_zero_is_the_first(tmp_path: Path) -> None:
+    late = write_joints(tmp_path / "a.mcap", 2, SECOND)
+    with Builder(tmp_path / "b.mcap") as early:
+        early.joints()
+        early.writer.add_message(1, 0, joint_state([7.0, 0.0]), 0)
+    bag = open_bag(late, tmp_path / "b.mcap")
+    assert positions(bag) == [7.0, 0.0, 1.0]
+    assert (bag.start_ns, bag.warnings) == (0, [])
+
+
+def test_two_channels_of_a_topic_are_read_in_the_order_of_recording(tmp_path: Path) -> None:
+    with Builder(tmp_path / "a.mcap") as bag:
+        bag.joints()
+        first = bag.writer.register_channel("/joint_states", "cdr", 1, {"publisher": "another"})
+        for index in range(4):
+            data = joint_state([index])
+            bag.write("/joint_states", data, START + 2 * index * SECOND)
+            bag.writer.add_message(first, START + (2 * index + 1) * SECOND, data, START)
+    opened = open_bag(tmp_path / "a.mcap")
+    times = opened.columns("/joint_states").log_time_ns
+    assert np.diff(times).tolist() == [SECOND] * 7
+    assert [time for time, _ in opened.messages("/joint_states")] == times.tolist()
+    assert opened.warnings == []
+
+
+def two_types(path: Path) -> Bag:
+    """Return a bag with a topic of two types."""
+    with Builder(path) as bag:
+        for index, name in enumerate("ab"):
+            bag.topic("/t", f"p/msg/{name}", f"uint8 {name}\nuint8 both\n")
+            bag.write("/t", bytes([0, 1, 0, 0, index, 7 + index]), START + index)
+    return open_bag(path)
+
+
+def test_messages_with_different_fields_are_one_line(tmp_path: Path) -> None:
+    with pytest.raises(BagError) as caught:
+        two_types(tmp_path / "a.mcap").columns("/t")
+    assert str(caught.value) == (
+        "/t has messages with different fields: name those that all of them have, or read it as "
+        "plain messages"
+    )
+
+
+def test_fields_that_all_types_have_are_read(tmp_path: Path) -> None:
+    columns = two_types(tmp_path / "a.mcap").columns("/t", fields=["both"])
+    assert columns["both"].tolist() == [7, 8]
+
+
+def test_types_nested_too_deep_are_one_line(tmp_path: Path) -> None:
+    sections = [f"{SEPARATOR}\nMSG: p/T{i}\np/T{i + 1} a\n" for i in range(1, 3000)]
+    definition = "".join(["p/T1 a\n", *sections, f"{SEPARATOR}\nMSG: p/T3000\nuint8 x\n"])
+    with Builder(tmp_path / "a.mcap") as bag:
+        bag.topic("/t", "p/msg/T0", definition)
+    with pytest.raises(BagError) as caught:
+        open_bag(tmp_path / "a.mcap").columns("/t")
+    assert str(caught.value) == "the definition of p/msg/T0 nests types more than 100 deep"
+
+
 def test_a_file_named_twice_is_read_once(tmp_path: Path) -> None:
     path = write_joints(tmp_path / "a.mcap", 3)
     assert positions(open_bag(path, tmp_path)) == [0.0, 1.0, 2.0]
@@ -314,7 +374,7 @@ def test_a_cut_file_gives_what_was_written(tmp_path: Path, compression: Compress
     whole = write_joints(tmp_path / "a.mcap", 60, chunk_size=2000, compression=compression)
     data = whole.read_bytes()
     counts = []
-    for size in range(8, len(data) - 8, 101):
+    for size in (*range(8, len(data) - 8, 101), *range(len(data) - 8, len(data))):
         (tmp_path / "b.mcap").write_bytes(data[:size])
         bag = open_bag(tmp_path / "b.mcap")
         assert "b.mcap: was not finished, what was written is read" in bag.warnings[-1]
@@ -354,7 +414,75 @@ def test_a_damaged_chunk_is_left_out_and_named(tmp_path: Path) -> None:
     assert len(found) > 80
     (warning,) = bag.warnings
     assert warning.startswith("a.mcap: the chunk at byte ")
-    assert warning.endswith(" is damaged (wrong checksum) and is left out")
+    assert warning.endswith(
+        f" is damaged (wrong checksum), its {100 - len(found)} messages are left out"
+    )
+
+
+def chunk_places(path: Path) -> list[int]:
+    """Return where the index says that chunks begin."""
+    with open(path, "rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    return [index.chunk_start_offset for index in summary.chunk_indexes]
+
+
+def spoil(path: Path, place: int, value: bytes) -> None:
+    with open(path, "r+b") as stream:
+        stream.seek(place)
+        stream.write(value)
+
+
+@pytest.mark.parametrize("size", [0, 50, 400, 2**60])
+def test_behind_a_chunk_with_a_wrong_size_the_index_leads_on(tmp_path: Path, size: int) -> None:
+    path = write_joints(tmp_path / "a.mcap", chunk_size=1500)
+    place = chunk_places(path)[2]
+    spoil(path, place + 1, struct.pack("<Q", size))
+    bag = open_bag(path)
+    assert positions(bag) == POSITION.tolist()
+    assert bag.warnings == [
+        f"a.mcap: the head of the chunk at byte {place} is damaged, its index is used"
+    ]
+
+
+@pytest.mark.parametrize("size", [0, 1, 400, 2**60])
+def test_behind_another_record_with_a_wrong_size_the_index_leads_on(
+    tmp_path: Path, size: int
+) -> None:
+    path = write_joints(tmp_path / "a.mcap", chunk_size=1500)
+    third = chunk_places(path)[2]
+    data = path.read_bytes()
+    (chunk_size,) = struct.unpack_from("<Q", data, third + 1)
+    spoil(path, third + 9 + chunk_size + 1, struct.pack("<Q", size))  # of the chunk's own index
+    assert positions(open_bag(path)) == POSITION.tolist()
+
+
+def test_how_many_messages_a_finished_file_lost_is_said(tmp_path: Path) -> None:
+    options: dict[str, Any] = {"index_types": IndexType.CHUNK, "repeat_channels": False}
+    path = write_joints(tmp_path / "a.mcap", chunk_size=1500, **options)
+    spoil(path, chunk_places(path)[2] + 70, bytes(20))
+    bag = open_bag(path)
+    lost = 100 - bag.message_count
+    assert lost > 0
+    assert f"a.mcap: {lost} of its 100 messages are lost" in bag.warnings
+
+
+def test_an_index_with_a_wrong_checksum_is_not_followed(tmp_path: Path) -> None:
+    path = write_joints(tmp_path / "a.mcap", chunk_size=1500)
+    place = path.read_bytes().rindex(struct.pack("<Q", chunk_places(path)[2]))
+    spoil(path, place, struct.pack("<Q", 12))
+    bag = open_bag(path)
+    assert positions(bag) == POSITION.tolist()
+    assert bag.warnings == []
+
+
+def test_a_file_without_its_last_bytes_was_not_finished(tmp_path: Path) -> None:
+    path = write_joints(tmp_path / "a.mcap", 3)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert open_bag(path).warnings == [
+        "a.mcap: was not finished, what was written is read; its last 7 bytes are an incomplete "
+        "record"
+    ]
 
 
 @given(st.data())

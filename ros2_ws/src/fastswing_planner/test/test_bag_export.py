@@ -97,6 +97,30 @@ def test_only_the_topic_asked_for_is_written(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "o").iterdir()] == ["text.csv"]
 
 
+def test_a_topic_without_header_is_left_out_of_tables_by_header(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Builder(tmp_path / "a.mcap") as bag:
+        bag.topic("/a", STRING_NAME, "string data\n").joints()
+        bag.write("/a", text("a"), START)
+        bag.write("/joint_states", joint_state([1.0]), START)
+    arguments = [str(tmp_path / "a.mcap"), "-o", str(tmp_path / "o"), "--time", "header"]
+    assert main(arguments) == 0
+    assert [path.name for path in (tmp_path / "o").iterdir()] == ["joint_states.csv"]
+    complaint = "/a (std_msgs/msg/String) has no header: use the time base log or publish\n"
+    assert capsys.readouterr().err == f"left out: {complaint}"
+    assert main([*arguments, "--topic", "/a"]) == 2
+    assert capsys.readouterr().err == f"export_bag: {complaint}"
+
+
+def test_a_topic_may_have_a_name_that_no_file_can_have(tmp_path: Path) -> None:
+    with Builder(tmp_path / "a.mcap") as bag:
+        bag.joints("/a\0b")
+        bag.write("/a\0b", joint_state([1.0]), START)
+    assert main([str(tmp_path / "a.mcap"), "-o", str(tmp_path / "o")]) == 0
+    assert [path.name for path in (tmp_path / "o").iterdir()] == ["a b.csv"]
+
+
 def test_an_error_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write_joints(tmp_path / "a.mcap", 1)
     assert main([str(path), "--topic", "/no"]) == 2

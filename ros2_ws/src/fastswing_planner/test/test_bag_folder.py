@@ -107,12 +107,12 @@ def test_metadata_names_each_file_with_its_extent(tmp_path: Path) -> None:
     }
 
 
-def test_notes_are_in_each_file(tmp_path: Path) -> None:
+def test_losses_are_those_of_each_file_and_of_all(tmp_path: Path) -> None:
     lost = iter(["1", "5"])
     options: dict[str, Any] = {"notes": lambda: {"lost": f'{{"/joint_states": {next(lost)}}}'}}
     write_folder(tmp_path / "run", split_duration_ns=SECOND // 2, **options).close()
     assert open_bag(tmp_path / "run" / "run_0.mcap").lost == {"/joint_states": 1}
-    assert open_bag(tmp_path / "run").lost == {"/joint_states": 5}
+    assert open_bag(tmp_path / "run").lost == {"/joint_states": 6}
 
 
 def test_a_folder_that_was_not_finished_is_read(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The recorder as a process: what other nodes publish is in the bag when it ends."""
 
+import json
 import os
 import resource
 import signal
@@ -33,6 +34,7 @@ from std_msgs.msg import String
 
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.bag import open_bag
+from fastswing_planner.bag_writer import NOTES
 
 pytestmark = pytest.mark.system
 
@@ -312,6 +314,10 @@ def test_a_recording_is_split_by_time_into_one_bag(world: World, tmp_path: Path)
         assert reader.message_count == 4
     bag = open_bag(path)
     assert (bag.warnings, bag.lost["/joint_states"]) == ([], 0)
+    counts = [
+        json.loads(notes["messages"]) for _, name, notes in bag.metadata_records if name == NOTES
+    ]
+    assert counts == [{"/joint_states": 1}] * 4
 
 
 def test_a_file_cannot_be_split(world: World, tmp_path: Path) -> None:
