@@ -75,6 +75,6 @@ FIGURES: Mapping[str, Figure] = {
         2,
         lambda swing: 1e3 * swing.latency.state_to_zero.longest,
     ),
-    "rejected": Figure("joint states rejected", "", 0, lambda swing: float(swing.rejected)),
+    "rejected": Figure("joint states rejected", "", 0, lambda swing: swing.rejected),
 }
 """Every figure by its name in `--json` and in a file of limits."""

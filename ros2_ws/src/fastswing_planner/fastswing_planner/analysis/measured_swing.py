@@ -82,7 +82,7 @@ class MeasuredSwing:
     joint_series, muscle_series  what was measured around the swing
     inhibited     what was forced to zero current
     latency       of the overrides in this swing
-    rejected      joint states that the inhibitor could not use
+    rejected      joint states that the inhibitor could not use; NaN if it did not tell
     ended         why the inhibitor disarmed; empty if it was not armed
     faulty        muscles that reported a fault
     notes         what a reader has to know before trusting the figures
@@ -104,7 +104,7 @@ class MeasuredSwing:
     muscle_series: MuscleSeries | None
     inhibited: tuple[Inhibition, ...]
     latency: InhibitionLatency
-    rejected: int
+    rejected: float
     ended: str
     faulty: tuple[str, ...]
     notes: tuple[str, ...]
@@ -395,15 +395,18 @@ def _faulty(muscles: MuscleSeries | None) -> tuple[str, ...]:
     return tuple(name for name, flag in zip(muscles.names, flags, strict=True) if flag)
 
 
-def _inhibitor_report(recording: Recording, begin: float, end: float) -> tuple[int, str]:
-    """Return how many joint states the inhibitor rejected meanwhile, and why it disarmed."""
+def _inhibitor_report(recording: Recording, begin: float, end: float) -> tuple[float, str]:
+    """Return how many joint states the inhibitor rejected meanwhile, and why it disarmed.
+
+    NaN and no reason if no status says that it was armed.
+    """
     status = recording.status
     if status is None:
-        return 0, ""
+        return np.nan, ""
     rows = np.flatnonzero((status.time >= begin) & (status.time <= end))
     armed = rows[status.armed[rows]]
     if armed.size == 0:
-        return 0, ""
+        return np.nan, ""
     later = int(armed[-1]) + np.flatnonzero(~status.armed[armed[-1] :])
     ended = status.reason[later[0]] if later.size else ""
-    return int(status.rejected[armed].max()), ended
+    return float(status.rejected[armed].max()), ended

@@ -233,8 +233,8 @@ def _notes(swing: MeasuredSwing) -> list[str]:
     notes = list(swing.notes)
     if swing.faulty:
         notes.append(f"faulty muscles: {', '.join(swing.faulty)}")
-    if swing.rejected:
-        notes.append(f"the inhibitor rejected {swing.rejected} joint states")
+    if swing.rejected > 0:
+        notes.append(f"the inhibitor rejected {swing.rejected:.0f} joint states")
     return notes
 
 

@@ -86,7 +86,7 @@ class StatusSeries:
 
     time      [s] shape (k,)
     armed     shape (k,)
-    rejected  joint states that could not be used since it was armed, shape (k,)
+    rejected  joint states that could not be used since it was armed, shape (k,); NaN: not recorded
     reason    its REASON_* text; empty while armed, k texts
     """
 

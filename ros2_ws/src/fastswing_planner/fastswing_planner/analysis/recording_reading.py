@@ -249,8 +249,8 @@ class _Arm:
         for part in self._parts(topic, "armed", "rejected", "reason_text"):
             times.append(self._seconds(part.log_time_ns))
             armed.append(part["armed"].astype(bool))
-            missing = np.zeros(part.count)
-            rejected.append(np.asarray(part.get("rejected", missing), dtype=float))
+            unknown = np.full(part.count, np.nan)
+            rejected.append(np.asarray(part.get("rejected", unknown), dtype=float))
             reasons += list(part.get("reason_text", [""] * part.count))
         return StatusSeries(
             np.concatenate(times), np.concatenate(armed), np.concatenate(rejected), tuple(reasons)

@@ -77,6 +77,15 @@ def test_an_unknown_figure_violates_its_limit(recorded: Callable[..., Recording]
     )
 
 
+def test_without_an_inhibition_status_no_limit_of_rejections_is_kept(
+    recorded: Callable[..., Recording],
+) -> None:
+    (swing,) = measure_swings(recorded(status=None), FindingSettings())
+    assert checked({"each_swing": {"rejected": 0}}, swing).violations == (
+        LABEL + "joint states rejected is unknown, exactly 0 allowed",
+    )
+
+
 def test_a_methods_limits_are_for_its_swings_only(swing: MeasuredSwing) -> None:
     strict = {"time": {"max": 0.1}}
     result = checked({"methods": {"inhibit": strict, "basic": strict}}, swing)

@@ -184,6 +184,17 @@ def test_what_the_inhibitor_rejected_and_why_it_ended(recorded: Recorded) -> Non
     assert (swing.rejected, swing.ended) == (2, "the goal was reached")
 
 
+def test_what_the_inhibitor_rejected_is_unknown_without_its_status(recorded: Recorded) -> None:
+    assert np.isnan(only(recorded(status=None)).rejected)
+
+
+def test_what_the_inhibitor_rejected_is_unknown_if_it_was_not_armed(recorded: Recorded) -> None:
+    status = recorded().status
+    assert status is not None
+    unarmed = replace(status, armed=np.zeros_like(status.armed))
+    assert np.isnan(only(recorded(status=unarmed)).rejected)
+
+
 def test_faulty_muscles_are_named(recorded: Recorded) -> None:
     muscles = recorded().muscles
     assert muscles is not None
