@@ -10,7 +10,12 @@ from fastswing_planner.analysis.figures_table import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.analysis.motor_limits import MotorLimits, beyond_tension, beyond_velocity
+from fastswing_planner.analysis.motor_limits import (
+    MotorLimits,
+    beyond_tension,
+    beyond_velocity,
+    limits_known,
+)
 from fastswing_planner.analysis.topic_timing import TopicTiming
 
 
@@ -45,6 +50,7 @@ def _bag(findings: BagFindings, limits: MotorLimits) -> dict[str, Any]:
 
 
 def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
+    none = [] if limits_known(swing, limits) else None
     return {
         "number": swing.number,
         "namespace": swing.namespace,
@@ -70,8 +76,8 @@ def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
             }
             for muscle in swing.muscles
         },
-        "beyond_velocity_limit": list(beyond_velocity(swing, limits)) if limits else None,
-        "beyond_tension_limit": list(beyond_tension(swing, limits)) if limits else None,
+        "beyond_velocity_limit": list(beyond_velocity(swing, limits)) or none,
+        "beyond_tension_limit": list(beyond_tension(swing, limits)) or none,
         "inhibited": [
             {"start": one.start, "end": one.end, "muscles": list(one.muscles)}
             for one in swing.inhibited

@@ -17,6 +17,7 @@ from fastswing_planner.analysis.motor_limits import (
     MotorLimits,
     beyond_tension,
     beyond_velocity,
+    drawn_limits,
     limits_known,
 )
 from fastswing_planner.analysis.page_style import CSS
@@ -256,14 +257,18 @@ def _tiles(swing: MeasuredSwing, limits: MotorLimits) -> str:
     ]
     if muscle is not None:
         fast = beyond_velocity(swing, limits)
-        known = limits_known(swing, limits)
-        verdict = f"▲ beyond the limit: {' '.join(fast)}" if fast else "no muscle beyond its limit"
+        if fast:
+            verdict = f"▲ beyond the limit: {' '.join(fast)}"
+        elif limits_known(swing, limits):
+            verdict = "no muscle beyond its limit"
+        else:
+            verdict = "not every speed and limit is known"
         tiles.append(
             _tile(
                 f"largest muscle speed, {muscle.name}",
                 f"{muscle.peak_speed:.2f}",
                 "m/s",
-                verdict if known else "limits not known",
+                verdict,
             )
         )
     if tight is not None:
@@ -302,7 +307,7 @@ def _key(swing: MeasuredSwing, limits: MotorLimits) -> str:
         parts.insert(0, "dotted steps: the plan")
     if swing.muscles:
         parts.append("solid: paid out, short dashes: wound in")
-    if limits_known(swing, limits):
+    if drawn_limits(swing, limits, "velocity"):
         parts.append("long dashes: limits")
     if swing.inhibited:
         parts.append('<span class="shade">shaded</span>: muscles inhibited')

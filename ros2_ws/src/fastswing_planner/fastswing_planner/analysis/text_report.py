@@ -83,14 +83,15 @@ def swing_cells(swing: MeasuredSwing, limits: MotorLimits) -> list[str]:
 
 
 def beyond_text(swing: MeasuredSwing, limits: MotorLimits) -> str:
-    """Return the muscles that exceeded their speed limit, or pulled beyond the boards' limit."""
-    if not limits_known(swing, limits):
-        return "–"
+    """Return the muscles that exceeded their speed limit, or pulled beyond the boards' limit.
+
+    '–' if none did as far as is known, and not everything is.
+    """
     fast, tight = beyond_velocity(swing, limits), beyond_tension(swing, limits)
     parts = [" ".join(fast)] if fast else []
     if tight:
         parts.append(f"tension {' '.join(tight)}")
-    return ", ".join(parts) or "none"
+    return ", ".join(parts) or ("none" if limits_known(swing, limits) else "–")
 
 
 def beside(measured: float, predicted: float) -> str:

@@ -1,6 +1,7 @@
 """Limits in a file, and one line for each that is violated."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,33 @@ def test_without_an_inhibition_status_no_limit_of_rejections_is_kept(
     assert checked({"each_swing": {"rejected": 0}}, swing).violations == (
         LABEL + "joint states rejected is unknown, exactly 0 allowed",
     )
+
+
+@pytest.mark.parametrize(("figure", "name"), [("velocity", "muscle_speed"), ("tension", "tension")])
+def test_the_largest_of_all_muscles_is_unknown_if_one_is(
+    figure: str, name: str, recorded: Callable[..., Recording]
+) -> None:
+    muscles = recorded().muscles
+    assert muscles is not None
+    values = getattr(muscles, figure).copy()
+    values[:, 2] = np.nan
+    (swing,) = measure_swings(
+        recorded(muscles=replace(muscles, **{figure: values})), FindingSettings()
+    )
+    (line,) = checked({"each_swing": {name: {"max": 999}}}, swing).violations
+    assert f"is unknown, at most 999 {FIGURES[name].unit} allowed" in line
+
+
+def test_the_fastest_of_all_joints_is_unknown_if_one_is(
+    recorded: Callable[..., Recording],
+) -> None:
+    joints = recorded().joints
+    velocity = joints.velocity.copy()
+    velocity[:, 0] = np.nan
+    (swing,) = measure_swings(
+        recorded(joints=replace(joints, velocity=velocity)), FindingSettings()
+    )
+    assert not checked({"each_swing": {"joint_speed": {"max": 999}}}, swing).passed
 
 
 def test_a_methods_limits_are_for_its_swings_only(swing: MeasuredSwing) -> None:
