@@ -281,7 +281,7 @@ def _check_topics(
 
 def _topic_value(name: str, timing: TopicTiming) -> float:
     if name == "gaps":
-        return float(len(timing.gaps))
+        return float(len(timing.gaps)) if timing.steady else np.nan
     if name == "dropped":
         return np.nan if timing.dropped is None else float(timing.dropped)
     return timing.rate if name == "rate" else timing.longest

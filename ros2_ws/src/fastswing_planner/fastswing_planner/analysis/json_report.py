@@ -101,14 +101,15 @@ def _latency(latency: Latency) -> dict[str, Any]:
 
 
 def _topic(topic: TopicTiming) -> dict[str, Any]:
+    gaps = [{"start": gap.start, "length": gap.length} for gap in topic.gaps]
     return {
         "name": topic.name,
         "type": topic.type_name,
         "count": topic.count,
         "rate": _number(topic.rate),
         "longest_pause": _number(topic.longest),
-        "gaps": [{"start": gap.start, "length": gap.length} for gap in topic.gaps],
-        "missing": topic.missing,
+        "gaps": gaps if topic.steady else None,
+        "missing": topic.missing if topic.steady else None,
         "dropped": topic.dropped,
         "clock_jumps": topic.jumps,
     }

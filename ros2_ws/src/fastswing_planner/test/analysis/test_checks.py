@@ -18,7 +18,7 @@ from fastswing_planner.analysis.checks import (
 )
 from fastswing_planner.analysis.figures_table import FIGURES
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
-from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.analysis.recording import Recording, TopicTimes
 from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.analysis.topic_timing import TopicTiming, topic_timing
 
@@ -146,6 +146,15 @@ def test_a_topic_that_is_missing_violates_its_limits(topics: dict[str, list[Topi
     limits = parse_limits({"topics": {"muscle_state": {"rate": {"min": 1}}}})
     assert check(limits, [], topics).violations == (
         "run.mcap: no topic 'muscle_state', the bag holds: /joint_states",
+    )
+
+
+@pytest.mark.parametrize(("count", "steady"), [(5, True), (50, False)])
+def test_gaps_that_were_never_looked_for_violate_their_limit(count: int, steady: bool) -> None:
+    times = TopicTimes("/plan", "t/msg/T", np.arange(count) / 10.0, steady=steady)
+    limits = parse_limits({"topics": {"plan": {"gaps": {"max": 9}}}})
+    assert check(limits, [], {"run.mcap": [topic_timing(times)]}).violations == (
+        "run.mcap /plan: gaps is unknown, at most 9 allowed",
     )
 
 
