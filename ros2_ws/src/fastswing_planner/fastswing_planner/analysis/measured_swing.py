@@ -304,9 +304,9 @@ def _arrival(
 ) -> float:
     """Return when the arm first was near the end [s] after `start`; NaN if it was not.
 
-    Without a plan the end is where the arm came to rest.
+    Without a plan the end is where the arm came to rest. NaN if nobody knows when the swing began.
     """
-    if plan is None and burst.ends_cut:
+    if burst.begins_cut or (plan is None and burst.ends_cut):
         return np.nan
     names = joints.names if plan is None else plan.joint_names
     columns = [joints.names.index(name) for name in names]
