@@ -71,7 +71,7 @@ def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
                 "predicted_peak_speed": _number(muscle.predicted_peak_speed),
                 "peak_tension": _number(muscle.peak_tension),
                 "inhibited": muscle.inhibited,
-                "elongation": muscle.elongation,
+                "elongation": _number(muscle.elongation),
                 "masked": muscle.masked,
             }
             for muscle in swing.muscles

@@ -257,6 +257,16 @@ def test_a_bag_without_velocities_says_so(analyse: Run, tmp_path: Path) -> None:
     ]
 
 
+def test_what_is_unknown_without_a_plan_is_null(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "unplanned.mcap")
+    made.add_recording(recorded(plans=()))
+    (bag,) = analyse(made.write(), "--json", "--output", tmp_path / "out").record["bags"]
+    assert bag["swings"][0]["muscles"]["#9"]["elongation"] is None
+    assert "NaN" not in (tmp_path / "out" / "analysis.json").read_text()
+
+
 def test_a_clock_that_jumps_is_told_and_what_is_whole_is_still_measured(
     recorded: Recorded, analyse: Run, tmp_path: Path
 ) -> None:
