@@ -96,16 +96,33 @@ class CheckResult:
         return not self.violations and self.checked > 0
 
 
+class _UniqueKeys(yaml.SafeLoader):
+    """Refuses a key that stands twice: plain YAML forgets the first one."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return a mapping; raises LimitsFileError."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    line = key.start_mark.line + 1
+                    raise LimitsFileError(
+                        f"line {line}: key '{key.value}' stands there a second time"
+                    )
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
 def read_limits(path: Path) -> Limits:
     """Read a file of limits; raises LimitsFileError."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise LimitsFileError(f"{path}: cannot be read: {error}") from error
+    try:
+        return parse_limits(yaml.load(text, Loader=_UniqueKeys))
     except yaml.YAMLError as error:
         raise LimitsFileError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
-    try:
-        return parse_limits(content)
     except LimitsFileError as error:
         raise LimitsFileError(f"{path}: {error}") from error
 

@@ -210,6 +210,26 @@ def test_the_file_is_named(tmp_path: Path) -> None:
         read_limits(tmp_path / "none.yaml")
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "key"),
+    [
+        (
+            "each_swing: {time: {max: 1}}\nswings: 1\neach_swing: {tension: {max: 9}}",
+            3,
+            "each_swing",
+        ),
+        ("each_swing:\n  time: {max: 1}\n  time: {max: 2}", 3, "time"),
+        ("swings: {max: 1, max: 2}", 1, "max"),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(text: str, line: int, key: str, tmp_path: Path) -> None:
+    path = tmp_path / "limits.yaml"
+    path.write_text(text)
+    with pytest.raises(LimitsFileError) as caught:
+        read_limits(path)
+    assert str(caught.value) == f"{path}: line {line}: key '{key}' stands there a second time"
+
+
 def test_bounds_are_inclusive() -> None:
     assert Bounds(1.0, 2.0).allows(1.0)
     assert Bounds(1.0, 2.0).allows(2.0)
