@@ -252,7 +252,9 @@ def _run(
     result = None
     if wanted is not None:
         topics = {one.source: one.topics for one in found.findings}
-        result = check(wanted, found.swings, topics)
+        joints = dict.fromkeys(name for one in found.findings for name in one.joints)
+        muscles = dict.fromkeys(name for one in found.findings for name in one.muscles)
+        result = check(wanted, found.swings, topics, tuple(joints), tuple(muscles))
     if found.findings:
         if arguments.json:
             differences = comparison[0] if comparison is not None else ()

@@ -115,6 +115,21 @@ def test_kept_limits_are_exit_code_0(bag: Path, analyse: Run, tmp_path: Path) ->
     assert (answer.code, answer.out.splitlines()[-1]) == (0, "PASS: 2 limits kept")
 
 
+def test_limits_of_each_swing_are_not_kept_by_a_bag_without_one(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "still.mcap")
+    made.add_recording(recorded(until=3.0, overrides=None, status=None, commands=None))
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("each_swing: {joints: {E-p: {max: 9}, E-q: {max: 9}}}")
+    answer = analyse(made.write(), "--check", limits)
+    assert answer.code == 1
+    assert [line for line in answer.out.splitlines() if line.startswith("FAIL")] == [
+        "FAIL no swing: the limits of each_swing could not be tried",
+        "FAIL unknown joint 'E-q', the bags hold: S-p, E-p",
+    ]
+
+
 def test_a_wrong_limits_file_is_exit_code_2(bag: Path, analyse: Run, tmp_path: Path) -> None:
     limits = tmp_path / "limits.yaml"
     limits.write_text("swing: 1")

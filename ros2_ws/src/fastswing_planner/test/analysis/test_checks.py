@@ -127,8 +127,50 @@ def test_the_number_of_swings_is_checked(swing: MeasuredSwing) -> None:
     assert checked({"swings": 3}, swing).violations == ("1 swings, exactly 3 allowed",)
 
 
-def test_without_any_swing_nothing_passes() -> None:
-    result = check(parse_limits({"each_swing": {"time": {"max": 1}}}), [], {})
+NO_SWING = "no swing: the limits of each_swing could not be tried"
+
+
+@pytest.mark.parametrize(
+    ("swings", "lines"),
+    [
+        ({}, (NO_SWING,)),
+        ({"swings": {"max": 2}}, ()),
+        ({"swings": 0}, ()),
+        ({"swings": {"min": 1}}, ("0 swings, at least 1 allowed", NO_SWING)),
+    ],
+)
+def test_limits_of_each_swing_are_not_kept_by_none_unless_none_is_allowed(
+    swings: Any, lines: tuple[str, ...], topics: dict[str, list[TopicTiming]]
+) -> None:
+    content = {"each_swing": {"time": {"max": 1}}, "topics": {"joint_states": {"gaps": 0}}}
+    assert check(parse_limits(content | swings), [], topics).violations == lines
+
+
+def test_without_limits_of_each_swing_there_may_be_none(
+    topics: dict[str, list[TopicTiming]],
+) -> None:
+    assert check(parse_limits({"topics": {"joint_states": {"gaps": 0}}}), [], topics).passed
+
+
+@pytest.mark.parametrize(
+    ("limits", "line"),
+    [
+        ({"joints": {"E-q": {"max": 2}}}, "unknown joint 'E-q', the bags hold: S-p, E-p"),
+        ({"tensions": {"#8": {"max": 2}}}, "unknown muscle '#8', the bags hold: #1, #9"),
+    ],
+)
+def test_a_misspelt_name_is_noticed_without_any_swing(limits: Any, line: str) -> None:
+    wanted = parse_limits({"swings": 0, "each_swing": limits})
+    assert check(wanted, [], {}, ("S-p", "E-p"), ("#1", "#9")).violations == (line,)
+
+
+def test_a_name_of_the_bags_is_right_without_any_swing() -> None:
+    wanted = parse_limits({"swings": 0, "each_swing": {"joints": {"E-p": {"max": 2}}}})
+    assert check(wanted, [], {}, ("S-p", "E-p")).passed
+
+
+def test_without_any_limit_tried_nothing_passes() -> None:
+    result = check(parse_limits({"topics": {"joint_states": {"gaps": 0}}}), [], {})
     assert (result.checked, result.passed) == (0, False)
 
 
