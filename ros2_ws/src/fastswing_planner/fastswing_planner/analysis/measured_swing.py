@@ -162,7 +162,8 @@ def measure_swings(
         plan, planned_other = _plan_of(recording, burst)
         if plan is not None and not burst.armed and _way(joints, plan, burst) < _LEAST_WAY:
             continue
-        swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance)
+        after = max((one.start for one in swings if one.commanded), default=-np.inf)
+        swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance, after)
         swings.append(replace(swing, number=len(swings) + 1))
     return swings
 
@@ -205,12 +206,15 @@ def _measure(
     planned_other: bool,
     overridden: Sequence[Inhibition],
     tolerance: float,
+    after: float,
 ) -> MeasuredSwing:
+    """Measure a motion; `after` [s] is when the swing before was commanded."""
     joints, muscles = recording.joints, recording.muscles
     begin, finish = float(joints.time[burst.first]), float(joints.time[burst.last])
     command = None
     if not burst.begins_cut:
-        command = swing_command(recording.commands, begin, float(joints.time[burst.fastest]))
+        fastest = float(joints.time[burst.fastest])
+        command = swing_command(recording.commands, begin, fastest, after)
     start = begin if command is None else command
     shown = (start - SHOWN_BEFORE_SEC, finish + SHOWN_AFTER_SEC)
     around = _piece(burst, joints, shown)
@@ -329,6 +333,11 @@ def _notes(
         notes.append("half a swing: the recording begins, or has a gap, in the middle of it")
     if burst.ends_cut:
         notes.append("half a swing: the recording ends, or has a gap, before the arm rested")
+    if burst.hole:
+        notes.append(
+            f"no joint speed is known for {burst.hole:.2f} s of it: "
+            "peaks and a rest may be missed, its time may be too long"
+        )
     if planned_other:
         notes.append("the plan in the bag is another swing's: nothing is predicted")
     elif plan is None:

@@ -155,6 +155,43 @@ def test_half_a_swing_says_so_and_has_no_time(recorded: Recorded) -> None:
     assert np.isnan([begun.arrival, ended.arrival]).all()
 
 
+def test_a_pause_of_joint_states_in_a_swing_is_told(recorded: Recorded) -> None:
+    whole = recorded()
+    time = whole.joints.time
+    kept = np.flatnonzero((time <= 4.5) | (time >= 4.75))
+    joints = replace(
+        whole.joints,
+        row=np.arange(kept.size),
+        time=time[kept],
+        position=whole.joints.position[kept],
+        velocity=whole.joints.velocity[kept],
+    )
+    swing = only(
+        recorded(joints=joints, speed=JointSpeed(time[kept], whole.speed.speed[kept], "E-p"))
+    )
+    assert swing.notes == (
+        "no joint speed is known for 0.25 s of it: peaks and a rest may be missed, "
+        "its time may be too long",
+    )
+    assert swing.arrival == pytest.approx(only(whole).arrival)
+
+
+def test_two_motions_after_one_command_are_not_both_commanded(recorded: Recorded) -> None:
+    whole = recorded()
+    time = whole.joints.time
+    # The arm rests 0.25 s halfway.
+    still = (time > 4.4) & (time < 4.65)
+    velocity, speed = whole.joints.velocity.copy(), whole.speed.speed.copy()
+    velocity[still], speed[still] = 0.0, 0.0
+    recording = recorded(
+        joints=replace(whole.joints, velocity=velocity),
+        speed=JointSpeed(time, speed, "E-p"),
+        commands=replace(whole.commands, time=np.array([1.0, 1.5, 4.35])),
+    )
+    swings = measure_swings(recording, FindingSettings())
+    assert [swing.commanded for swing in swings] == [True, False]
+
+
 def test_without_muscle_states_the_joints_are_still_measured(recorded: Recorded) -> None:
     swing = only(recorded(muscles=None))
     assert swing.main_joint.peak_speed == pytest.approx(3.0, rel=1e-3)
