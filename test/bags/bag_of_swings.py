@@ -123,6 +123,11 @@ class BagOfSwings:
                 message.reason_text = status.reason[row]
                 self.add(f"{namespace}/inhibition_status", time, message)
 
+    def delay_recording(self, seconds: float) -> None:
+        """Let the recorder's clock be ahead of the clock of the stamps."""
+        delay_ns = round(seconds * 1e9)
+        self._rows = [(time + delay_ns, topic, message) for time, topic, message in self._rows]
+
     def add_rejections(self, seconds: float, count: int) -> None:
         status = DiagnosticStatus(name="bridge")
         status.values = [KeyValue(key="rejected_not_finite", value=str(count))]

@@ -45,6 +45,8 @@ _AROUND_SEC = 0.6
 """Kept of the states before and after each fast motion; more than is shown of a swing."""
 _LARGEST = 1e6
 """In SI units, beyond anything that an arm can do."""
+_CLOCKS_APART_SEC = 0.5
+"""No message is this long on its way: its stamp and the recorder's time are of two clocks."""
 _UNKNOWN_MODE = 255
 """A mode that is not recorded is not zero current."""
 _COUNTED = ("rejected", "refused", "lost", "late_", "missed", "overruns", "dropped")
@@ -100,9 +102,12 @@ class _Arm:
     settings: FindingSettings
     warnings: list[str] = field(default_factory=list)
     topics: list[TopicTimes] = field(default_factory=list)
+    clock_lead: float = 0.0
+    """[s] by which the recorder's clock is ahead of the joint states'; 0 if they agree."""
 
     def read(self, joint_topic: str) -> Recording:
         speed = self._speed(joint_topic)
+        self._compare_clocks(self.topics[-1])
         status = self._status()
         kept = _windows(speed, status, self.settings)
         joints = self._joints(joint_topic, kept)
@@ -137,6 +142,17 @@ class _Arm:
     def _stamps(self, part: Columns) -> Vector:
         """Return the headers' stamps [s]; a header without one counts as just recorded."""
         return self._seconds(np.where(part.time_ns == 0, part.log_time_ns, part.time_ns))
+
+    def _compare_clocks(self, joints: TopicTimes) -> None:
+        lead = clock_lead(joints)
+        if abs(lead) <= _CLOCKS_APART_SEC:
+            return
+        self.clock_lead = lead
+        self.warnings.append(
+            f"{joints.name}: the recorder's clock is {abs(lead):.2f} s "
+            f"{'ahead of' if lead > 0.0 else 'behind'} the stamps; "
+            "latencies of overrides mean nothing"
+        )
 
     def _parts(self, topic: str, *fields: str) -> Iterator[Columns]:
         """Read a topic by its stamps, once noting when its messages came."""
@@ -247,7 +263,8 @@ class _Arm:
         times, armed, rejected = [], [], []
         reasons: list[str] = []
         for part in self._parts(topic, "armed", "rejected", "reason_text"):
-            times.append(self._seconds(part.log_time_ns))
+            received = self._seconds(part.log_time_ns) - self.clock_lead
+            times.append(np.where(part.time_ns == 0, received, self._seconds(part.time_ns)))
             armed.append(part["armed"].astype(bool))
             unknown = np.full(part.count, np.nan)
             rejected.append(np.asarray(part.get("rejected", unknown), dtype=float))
@@ -278,13 +295,22 @@ class _Arm:
         plans = []
         try:
             for log_time_ns, message in self.bag.messages(topic):
-                plans.append(recorded_plan((log_time_ns - self.began_ns) * 1e-9, message))
+                # Its stamp says when it was planned, which may be long before its swing.
+                received = (log_time_ns - self.began_ns) * 1e-9 - self.clock_lead
+                plans.append(recorded_plan(received, message))
         except BagError as error:
             self.warnings.append(str(error))
         except (AttributeError, ValueError) as error:
             self.warnings.append(f"{topic}: a plan cannot be used: {error}")
         self.topics += _times(self.bag, [topic], self.began_ns)
         return tuple(plans)
+
+
+def clock_lead(topic: TopicTimes) -> float:
+    """Return by how much a topic's messages typically were recorded after their stamps [s]."""
+    if topic.stamp is None or topic.stamp.size == 0:
+        return 0.0
+    return float(np.median(topic.received - topic.stamp))
 
 
 def recorded_plan(received: float, message: Any) -> RecordedPlan:

@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
+from fastswing_msgs.msg import InhibitionStatus
 from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.recording_reading import recorder_losses
@@ -295,6 +296,50 @@ def test_a_clock_that_jumps_is_told_and_what_is_whole_is_still_measured(
     assert lines_of(answer) == [
         "the clock jumped back for 100.00 s at 100.99 s; no swing is read across it"
     ]
+
+
+@pytest.mark.parametrize(
+    ("lead", "line"),
+    [
+        (5.0, "the recorder's clock is 5.00 s ahead of the stamps"),
+        (-5.0, "the recorder's clock is 5.00 s behind the stamps"),
+    ],
+)
+def test_a_recorder_with_another_clock_is_told_and_spoils_no_swing(
+    lead: float, line: str, recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "clocks.mcap")
+    made.add_recording(recorded())
+    made.delay_recording(lead)
+    answer = analyse(made.write(), "--json")
+    (swing,) = answer.record["bags"][0]["swings"]
+    assert swing["figures"]["rejected"] == 2
+    assert swing["figures"]["predicted_time"] == 0.75
+    assert swing["figures"]["state_to_override"] is None
+    (told,) = lines_of(answer)
+    assert told == f"/joint_states: {line}; latencies of overrides mean nothing"
+
+
+def test_the_clocks_of_a_recorder_that_is_slow_by_less_than_half_a_second_agree(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "slow.mcap")
+    made.add_recording(recorded())
+    made.delay_recording(0.4)
+    assert lines_of(analyse(made.write(), "--json")) == []
+
+
+def test_a_status_counts_when_its_joint_state_was_measured(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "late.mcap")
+    made.add_recording(recorded(status=None))
+    for measured, recorded_at, rejected in ((4.0, 4.0, 3), (9.0, 4.3, 7)):
+        status = InhibitionStatus(header=Header(stamp=stamp(measured)), armed=True)
+        status.rejected = rejected
+        made.add("/inhibition_status", recorded_at, status)
+    (swing,) = analyse(made.write(), "--json").record["bags"][0]["swings"]
+    assert swing["figures"]["rejected"] == 3
 
 
 def test_what_the_recorder_lost_is_told(bag: Path, analyse: Run, tmp_path: Path) -> None:
