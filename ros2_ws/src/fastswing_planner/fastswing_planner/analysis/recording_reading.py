@@ -47,6 +47,8 @@ _LARGEST = 1e6
 """In SI units, beyond anything that an arm can do."""
 _CLOCKS_APART_SEC = 0.5
 """No message is this long on its way: its stamp and the recorder's time are of two clocks."""
+_MOST_DIGITS = 20
+"""Of a 64-bit count."""
 _UNKNOWN_MODE = 255
 """A mode that is not recorded is not zero current."""
 _COUNTED = ("rejected", "refused", "lost", "late_", "missed", "overruns", "dropped")
@@ -292,18 +294,23 @@ class _Arm:
         topic = self._topic(PLAN)
         if topic is None:
             return ()
-        plans = []
+        plans: list[RecordedPlan] = []
         try:
             for log_time_ns, message in self.bag.messages(topic):
                 # Its stamp says when it was planned, which may be long before its swing.
                 received = (log_time_ns - self.began_ns) * 1e-9 - self.clock_lead
-                plans.append(recorded_plan(received, message))
+                plans += self._usable(topic, received, message)
         except BagError as error:
             self.warnings.append(str(error))
-        except (AttributeError, ValueError) as error:
-            self.warnings.append(f"{topic}: a plan cannot be used: {error}")
         self.topics += _times(self.bag, [topic], self.began_ns)
         return tuple(plans)
+
+    def _usable(self, topic: str, received: float, message: Any) -> list[RecordedPlan]:
+        try:
+            return [recorded_plan(received, message)]
+        except (AttributeError, ValueError) as error:
+            self.warnings.append(f"{topic}: a plan cannot be used: {error}")
+            return []
 
 
 def clock_lead(topic: TopicTimes) -> float:
@@ -318,7 +325,7 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
 
     received  [s]
 
-    Plans recorded before a field existed have it empty.
+    Plans recorded before a field existed have it zero.
     """
     joints, muscles = tuple(message.joint_name), tuple(message.muscle_name)
     points = message.trajectory
@@ -344,10 +351,16 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
         ("start_position", plan.start, joints),
         ("end_position", plan.end, joints),
         ("mask", plan.kept, muscles),
+        ("inhibited", plan.inhibited, muscles),
         ("elongation", plan.elongation, muscles),
+        ("speed_index", plan.speed_index, muscles),
     ):
         if values.shape != (len(names),):
             raise ValueError(f"{what} has {values.size} values for {len(names)} names")
+    if not joints:
+        raise ValueError("it names no joint")
+    if np.array_equal(plan.start, plan.end):
+        raise ValueError("it ends where it starts")
     return plan
 
 
@@ -469,12 +482,17 @@ def _counters(bag: Bag) -> tuple[dict[str, dict[str, int]], list[str]]:
                     counts = {
                         pair.key: int(pair.value)
                         for pair in status.values
-                        if pair.key.startswith(_COUNTED) and pair.value.isdigit()
+                        if pair.key.startswith(_COUNTED) and _is_count(pair.value)
                     }
                     _count(risen, last, status.name, counts)
         except BagError as error:
             warnings.append(str(error))
     return {node: counts for node, counts in risen.items() if counts}, warnings
+
+
+def _is_count(text: str) -> bool:
+    """Return whether a text is a number of 64 bits as nodes write it; '²' is a digit, too."""
+    return text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS
 
 
 def _count(

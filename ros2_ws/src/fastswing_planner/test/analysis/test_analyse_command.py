@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from bag_of_swings import EPOCH_NS, TYPES, BagOfSwings, stamp
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from fastswing_msgs.msg import InhibitionStatus
+from fastswing_msgs.msg import InhibitionStatus, SwingPlan
 from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.recording_reading import recorder_losses
@@ -73,6 +74,27 @@ def test_what_the_nodes_counted_meanwhile_is_told(bag: Path, analyse: Run) -> No
     record = analyse(bag, "--json").record["bags"][0]
     assert record["counters"] == {"bridge": {"rejected_not_finite": 7}}
     assert "bridge: rejected_not_finite 7" in analyse(bag).out
+
+
+@pytest.mark.parametrize("value", ["²", "٣", "9" * 5000, "-1", ""])
+def test_a_count_that_is_no_number_is_passed_over(value: str, bag: Path, analyse: Run) -> None:
+    made = BagOfSwings(bag.with_name("count.mcap"))
+    made.add("/joint_states", 0.0, JointState(name=["a"], velocity=[0.1]))
+    made.add_rejections(1.0, 3)
+    for message in made.messages((DiagnosticArray,)):
+        message.status[0].values[0].value = value
+    assert analyse(made.write(), "--json").record["bags"][0]["counters"] == {}
+
+
+def test_a_plan_without_joints_is_told_and_the_others_are_used(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "plans.mcap")
+    made.add("/swing_plan", 0.05, SwingPlan())
+    made.add_recording(recorded())
+    (record,) = analyse(made.write(), "--json").record["bags"]
+    assert [swing["method"] for swing in record["swings"]] == ["inhibit"]
+    assert record["lines"] == ["/swing_plan: a plan cannot be used: it names no joint"]
 
 
 def test_the_table_shows_measured_beside_predicted(bag: Path, analyse: Run) -> None:
