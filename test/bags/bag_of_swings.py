@@ -12,12 +12,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from fastswing_msgs.msg import (
+    CurrentCommand,
     CurrentOverride,
     InhibitionStatus,
     LengthCommand,
     MuscleState,
     SwingPlan,
     SwingPoint,
+    TensionCommand,
 )
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.bag_metadata import BagTopic
@@ -32,6 +34,8 @@ TYPES: dict[type, str] = {
     LengthCommand: "fastswing_msgs/msg/LengthCommand",
     CurrentOverride: "fastswing_msgs/msg/CurrentOverride",
     InhibitionStatus: "fastswing_msgs/msg/InhibitionStatus",
+    TensionCommand: "fastswing_msgs/msg/TensionCommand",
+    CurrentCommand: "fastswing_msgs/msg/CurrentCommand",
     SwingPlan: "fastswing_msgs/msg/SwingPlan",
     DiagnosticArray: "diagnostic_msgs/msg/DiagnosticArray",
     String: "std_msgs/msg/String",

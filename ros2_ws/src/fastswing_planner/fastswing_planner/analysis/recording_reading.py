@@ -39,7 +39,8 @@ PLAN = "fastswing_msgs/msg/SwingPlan"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 _STEADY = (JOINT_STATE, MUSCLE_STATE)
-_TIMED = (OVERRIDE, STATUS, COMMAND, PLAN)
+_TIMED = ("fastswing_msgs/msg/TensionCommand", "fastswing_msgs/msg/CurrentCommand")
+"""Of these only the times are used."""
 _METHODS = {0: "basic", 1: "inhibit", 2: "elongate", 3: "hybrid"}
 _AROUND_SEC = 0.6
 """Kept of the states before and after each fast motion; more than is shown of a swing."""
@@ -116,6 +117,8 @@ class _Arm:
         muscles = self._muscles(kept)
         overrides, commands = self._overrides(), self._commands()
         plans = self._plans()
+        for type_name in _TIMED:
+            self._add_times(self._topic(type_name))
         return Recording(
             source=self.source,
             namespace=self.namespace,
@@ -302,8 +305,12 @@ class _Arm:
                 plans += self._usable(topic, received, message)
         except BagError as error:
             self.warnings.append(str(error))
-        self.topics += _times(self.bag, [topic], self.began_ns)
+        self._add_times(topic)
         return tuple(plans)
+
+    def _add_times(self, topic: str | None) -> None:
+        if topic is not None:
+            self.topics += _times(self.bag, [topic], self.began_ns)
 
     def _usable(self, topic: str, received: float, message: Any) -> list[RecordedPlan]:
         try:

@@ -15,7 +15,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
-from fastswing_msgs.msg import InhibitionStatus, SwingPlan
+from fastswing_msgs.msg import CurrentCommand, InhibitionStatus, SwingPlan, TensionCommand
 from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.recording_reading import recorder_losses
@@ -151,6 +151,23 @@ def test_limits_of_each_swing_are_not_kept_by_a_bag_without_one(
         "FAIL no swing: the limits of each_swing could not be tried",
         "FAIL unknown joint 'E-q', the bags hold: S-p, E-p",
     ]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("tension_command", TensionCommand), ("current_command", CurrentCommand)]
+)
+def test_the_rate_of_every_command_can_be_limited(
+    name: str, kind: type, bag: Path, recorded: Recorded, analyse: Run
+) -> None:
+    made = BagOfSwings(bag.with_name("commands.mcap"))
+    made.add_recording(recorded(), "/left")
+    for row in range(20):
+        made.add(f"/left/{name}", row / 10, kind())
+    limits = bag.with_name("limits.yaml")
+    limits.write_text(f"topics: {{{name}: {{rate: {{min: 11}}}}}}")
+    assert "FAIL commands.mcap /left/" + name + ": rate is 10 Hz, at least 11 Hz allowed" in (
+        analyse(made.write(), "--check", limits).out.splitlines()
+    )
 
 
 def test_a_wrong_limits_file_is_exit_code_2(bag: Path, analyse: Run, tmp_path: Path) -> None:
