@@ -50,7 +50,7 @@ def _bag(findings: BagFindings, limits: MotorLimits) -> dict[str, Any]:
 
 
 def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
-    none = [] if limits_known(swing, limits) else None
+    none: list[str] | None = [] if limits_known(swing, limits) else None
     return {
         "number": swing.number,
         "namespace": swing.namespace,

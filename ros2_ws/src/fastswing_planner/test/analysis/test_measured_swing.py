@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
-from fastswing_planner.analysis.recording import JointSpeed, Recording
+from fastswing_planner.analysis.recording import CommandSeries, JointSpeed, Recording
 from fastswing_planner.analysis.swing_finding import FindingSettings
 
 Recorded = Callable[..., Recording]
@@ -186,7 +186,7 @@ def test_two_motions_after_one_command_are_not_both_commanded(recorded: Recorded
     recording = recorded(
         joints=replace(whole.joints, velocity=velocity),
         speed=JointSpeed(time, speed, "E-p"),
-        commands=replace(whole.commands, time=np.array([1.0, 1.5, 4.35])),
+        commands=CommandSeries(np.array([4.35]), np.array([0.2])),
     )
     swings = measure_swings(recording, FindingSettings())
     assert [swing.commanded for swing in swings] == [True, False]
