@@ -228,6 +228,10 @@ def _measure(
     notes = _notes(recording, burst, plan, planned_other, command is not None)
     if np.isnan(arrival) and not (burst.ends_cut or burst.begins_cut):
         notes.append(f"the arm did not come within {tolerance:g} rad of the end posture")
+    muscle_figures = _muscle_figures(muscle_series, plan, inhibited, finish - start)
+    unknown = [one.name for one in muscle_figures if np.isnan(one.peak_speed + one.peak_tension)]
+    if unknown:
+        notes.append(f"speed or tension is unknown of {' '.join(unknown)}")
     rejected, ended = _inhibitor_report(recording, *shown)
     return MeasuredSwing(
         source=recording.source,
@@ -241,7 +245,7 @@ def _measure(
         rest=finish - start,
         plan=plan,
         joints=_joint_figures(joint_series, plan, finish - start),
-        muscles=_muscle_figures(muscle_series, plan, inhibited, finish - start),
+        muscles=muscle_figures,
         joint_series=joint_series,
         muscle_series=muscle_series,
         inhibited=inhibited,

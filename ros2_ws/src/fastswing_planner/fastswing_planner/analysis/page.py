@@ -251,7 +251,7 @@ def _tiles(swing: MeasuredSwing, limits: MotorLimits) -> str:
         ),
         _tile(
             "time to the end posture",
-            "not reached" if np.isnan(swing.arrival) else f"{swing.arrival:.2f}",
+            "–" if np.isnan(swing.arrival) else f"{swing.arrival:.2f}",
             "" if np.isnan(swing.arrival) else "s",
             _predicted(swing.predicted_time, "s"),
         ),

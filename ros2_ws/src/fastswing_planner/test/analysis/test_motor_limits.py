@@ -54,6 +54,10 @@ def test_a_muscle_beyond_its_limit_is_named_even_if_another_is_unknown(
     assert beyond_text(only(without_10), NARROW) == "#9"
 
 
+def test_muscles_of_unknown_speed_are_told(without_10: Recording) -> None:
+    assert only(without_10).notes == ("speed or tension is unknown of #10",)
+
+
 def test_in_json_unknown_is_null_and_not_none_at_all(without_10: Recording) -> None:
     found = examine("run.mcap", [without_10], FindingSettings())
     (bag,) = findings_record([found], WIDE)["bags"]
