@@ -332,12 +332,11 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
 
     received  [s]
 
-    Plans recorded before a field existed have it zero.
+    Plans recorded before a field existed lack it or have it empty: zero.
     """
     joints, muscles = tuple(message.joint_name), tuple(message.muscle_name)
     points = message.trajectory
     kept = np.array(message.mask, dtype=bool)
-    nothing = [0] * len(muscles)
     plan = RecordedPlan(
         received=received,
         method=_METHODS.get(message.method, f"method {message.method}"),
@@ -346,9 +345,9 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
         end=_plausible(message.end_position),
         muscle_names=muscles,
         kept=kept,
-        inhibited=np.array(getattr(message, "inhibited", nothing), dtype=bool),
+        inhibited=np.array(_or_zeros(message, "inhibited", muscles), dtype=bool),
         elongation=_plausible(message.elongation),
-        speed_index=_plausible(getattr(message, "speed_index", nothing)),
+        speed_index=_plausible(_or_zeros(message, "speed_index", muscles)),
         time_cost=float(_plausible(message.time_cost)),
         time=_plausible([point.time_from_start for point in points]),
         joint_velocity=_table([point.joint_velocity for point in points], len(joints)),
@@ -369,6 +368,11 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
     if np.array_equal(plan.start, plan.end):
         raise ValueError("it ends where it starts")
     return plan
+
+
+def _or_zeros(message: Any, name: str, muscles: Sequence[str]) -> Sequence[float]:
+    values: Sequence[float] = getattr(message, name, ())
+    return values if len(values) else [0.0] * len(muscles)
 
 
 def _table(rows: Sequence[Sequence[float]], width: int) -> Matrix:

@@ -35,9 +35,10 @@ def test_a_plan_is_read_by_its_names() -> None:
 
 @pytest.mark.parametrize("name", ["inhibited", "speed_index"])
 def test_what_a_plan_did_not_know_yet_is_zero(name: str) -> None:
-    old = message()
+    old, empty = message(), message(**{name: []})
     delattr(old, name)
-    assert np.array_equal(getattr(recorded_plan(0.0, old), name), [0, 0])
+    for plan in (old, empty):
+        assert np.array_equal(getattr(recorded_plan(0.0, plan), name), [0, 0])
 
 
 @pytest.mark.parametrize(
