@@ -12,12 +12,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from fastswing_msgs.msg import (
+    CurrentCommand,
     CurrentOverride,
     InhibitionStatus,
     LengthCommand,
     MuscleState,
     SwingPlan,
     SwingPoint,
+    TensionCommand,
 )
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.bag_metadata import BagTopic
@@ -32,6 +34,8 @@ TYPES: dict[type, str] = {
     LengthCommand: "fastswing_msgs/msg/LengthCommand",
     CurrentOverride: "fastswing_msgs/msg/CurrentOverride",
     InhibitionStatus: "fastswing_msgs/msg/InhibitionStatus",
+    TensionCommand: "fastswing_msgs/msg/TensionCommand",
+    CurrentCommand: "fastswing_msgs/msg/CurrentCommand",
     SwingPlan: "fastswing_msgs/msg/SwingPlan",
     DiagnosticArray: "diagnostic_msgs/msg/DiagnosticArray",
     String: "std_msgs/msg/String",
@@ -122,6 +126,11 @@ class BagOfSwings:
                 message.rejected = int(status.rejected[row])
                 message.reason_text = status.reason[row]
                 self.add(f"{namespace}/inhibition_status", time, message)
+
+    def delay_recording(self, seconds: float) -> None:
+        """Let the recorder's clock be ahead of the clock of the stamps."""
+        delay_ns = round(seconds * 1e9)
+        self._rows = [(time + delay_ns, topic, message) for time, topic, message in self._rows]
 
     def add_rejections(self, seconds: float, count: int) -> None:
         status = DiagnosticStatus(name="bridge")

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from fastswing_planner.analysis.checks import (
     CheckResult,
@@ -133,7 +134,7 @@ def _write(
     written[0].write_text(text, encoding="utf-8")
     differences = comparison[0] if comparison is not None else ()
     record = findings_record(found, limits, result, differences)
-    written[1].write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
+    written[1].write_text(_json(record) + "\n", encoding="utf-8")
     swings = [swing for one in found for swing in one.swings]
     joints, muscles = joint_styles(swings), muscle_styles(swings)
     for number, swing in enumerate(swings, 1):
@@ -251,12 +252,14 @@ def _run(
     result = None
     if wanted is not None:
         topics = {one.source: one.topics for one in found.findings}
-        result = check(wanted, found.swings, topics)
+        joints = dict.fromkeys(name for one in found.findings for name in one.joints)
+        muscles = dict.fromkeys(name for one in found.findings for name in one.muscles)
+        result = check(wanted, found.swings, topics, tuple(joints), tuple(muscles))
     if found.findings:
         if arguments.json:
             differences = comparison[0] if comparison is not None else ()
             record = findings_record(found.findings, limits, result, differences)
-            _print(json.dumps(record, indent=2))
+            _print(_json(record))
         else:
             _print(_text(found.findings, limits, comparison, groups, result))
     if arguments.output is not None and found.findings:
@@ -278,6 +281,11 @@ def _run(
     if found.errors:
         return UNUSABLE
     return VIOLATED if result is not None and not result.passed else PASSED
+
+
+def _json(record: dict[str, Any]) -> str:
+    """Return a record as JSON, which has no word for NaN: unknown is null already."""
+    return json.dumps(record, indent=2, allow_nan=False)
 
 
 def _print(text: str) -> None:

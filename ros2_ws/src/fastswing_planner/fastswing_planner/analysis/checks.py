@@ -1,6 +1,6 @@
 """Pass or fail: the figures of swings and topics against a file of limits."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,16 +96,33 @@ class CheckResult:
         return not self.violations and self.checked > 0
 
 
+class _UniqueKeys(yaml.SafeLoader):
+    """Refuses a key that stands twice: plain YAML forgets the first one."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """Return a mapping; raises LimitsFileError."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    line = key.start_mark.line + 1
+                    raise LimitsFileError(
+                        f"line {line}: key '{key.value}' stands there a second time"
+                    )
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
 def read_limits(path: Path) -> Limits:
     """Read a file of limits; raises LimitsFileError."""
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise LimitsFileError(f"{path}: cannot be read: {error}") from error
+    try:
+        return parse_limits(yaml.load(text, Loader=_UniqueKeys))
     except yaml.YAMLError as error:
         raise LimitsFileError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
-    try:
-        return parse_limits(content)
     except LimitsFileError as error:
         raise LimitsFileError(f"{path}: {error}") from error
 
@@ -187,10 +204,13 @@ def check(
     limits: Limits,
     swings: Sequence[MeasuredSwing],
     topics: Mapping[str, Sequence[TopicTiming]],
+    joints: Sequence[str] = (),
+    muscles: Sequence[str] = (),
 ) -> CheckResult:
     """Try every limit.
 
-    topics  bag -> the timing of its topics
+    topics           bag -> the timing of its topics
+    joints, muscles  their names in all bags, for limits that no swing is there to be tried on
     """
     lines: list[str] = []
     tried = 0
@@ -204,12 +224,39 @@ def check(
                 count, found = _check_swing(part, swing)
                 tried += count
                 lines += found
+    if not swings:
+        count, found = _check_without_swings(limits, {"joint": joints, "muscle": muscles})
+        tried += count
+        lines += found
     for method in limits.methods:
         if method not in {swing.method for swing in swings}:
             tried += 1
             lines.append(f"no swing by method '{method}': its limits could not be tried")
     count, found = _check_topics(limits, topics)
     return CheckResult((*lines, *found), tried + count)
+
+
+def _check_without_swings(
+    limits: Limits, names: Mapping[str, Sequence[str]]
+) -> tuple[int, list[str]]:
+    """Say what of `each_swing` could not be tried; only `swings` can allow that there is none."""
+    each = limits.each_swing
+    if not each.figures and not each.named:
+        return 0, []
+    lines = []
+    if limits.swings == Bounds() or not limits.swings.allows(0.0):
+        lines.append("no swing: the limits of each_swing could not be tried")
+    for kind, entries in each.named.items():
+        what, _ = _NAMED[kind]
+        known = names[what]
+        lines += [
+            _unknown(what, name, known, "the bags hold") for name in entries if name not in known
+        ]
+    return 1, lines
+
+
+def _unknown(what: str, name: str, known: Iterable[str], holder: str) -> str:
+    return f"unknown {what} '{name}', {holder}: {', '.join(known) or 'none'}"
 
 
 def swing_label(swing: MeasuredSwing) -> str:
@@ -234,8 +281,7 @@ def _check_swing(limits: SwingLimits, swing: MeasuredSwing) -> tuple[int, list[s
         for name, bounds in entries.items():
             tried += 1
             if name not in values:
-                known = ", ".join(values) or "none"
-                lines.append(f"{label}: unknown {what} '{name}', the bag holds: {known}")
+                lines.append(f"{label}: {_unknown(what, name, values, 'the bag holds')}")
             elif not bounds.allows(values[name]):
                 title = "largest tension" if kind == "tensions" else "peak speed"
                 lines.append(f"{label}: {_told(f'{title} of {name}', values[name], unit, bounds)}")
@@ -281,7 +327,7 @@ def _check_topics(
 
 def _topic_value(name: str, timing: TopicTiming) -> float:
     if name == "gaps":
-        return float(len(timing.gaps))
+        return float(len(timing.gaps)) if timing.steady else np.nan
     if name == "dropped":
         return np.nan if timing.dropped is None else float(timing.dropped)
     return timing.rate if name == "rate" else timing.longest

@@ -7,7 +7,7 @@ import numpy as np
 
 from fastswing_planner.analysis.figures_table import FIGURES
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.analysis.rank_sum import least_p_value, rank_sum_p_value
+from fastswing_planner.analysis.rank_sum import holm, least_p_value, rank_sum_p_value
 
 SIGNIFICANT = 0.05
 """A smaller p-value counts as a difference."""
@@ -24,9 +24,14 @@ COMPARED = (
 
 @dataclass(frozen=True)
 class Spread:
-    """Of one group: how many values, their median and quartiles; NaN without values."""
+    """Of one group: values of how many swings, their median and quartiles; NaN without values.
+
+    count  swings whose value is known
+    total  all swings
+    """
 
     count: int
+    total: int
     median: float
     low: float
     high: float
@@ -40,7 +45,8 @@ class Difference:
 
     method   the swings compared
     figure   a key of FIGURES
-    p_value  of the exact rank-sum test; NaN if a group has no value
+    p_value  of the exact rank-sum test, adjusted for all figures of the method (Holm); NaN if a
+             group has no value
     verdict  in words
     """
 
@@ -58,12 +64,13 @@ class Difference:
 
 
 def spread(values: Sequence[float]) -> Spread:
-    """Summarise values; NaN are left out."""
+    """Summarise values; NaN are left out, but counted in the total."""
     known = np.array([value for value in values if np.isfinite(value)], dtype=float)
     if known.size == 0:
-        return Spread(0, *[np.nan] * 5)
+        return Spread(0, len(values), *[np.nan] * 5)
     low, median, high = np.quantile(known, [0.25, 0.5, 0.75]).tolist()
-    return Spread(known.size, median, low, high, float(known.min()), float(known.max()))
+    least, most = float(known.min()), float(known.max())
+    return Spread(known.size, len(values), median, low, high, least, most)
 
 
 def compare(first: Sequence[MeasuredSwing], second: Sequence[MeasuredSwing]) -> list[Difference]:
@@ -86,21 +93,29 @@ def _differences(
     method: str, first: Sequence[MeasuredSwing], second: Sequence[MeasuredSwing]
 ) -> list[Difference]:
     found = []
+    p_values = []
     for figure in COMPARED:
         of = FIGURES[figure].of
         one, other = ([of(swing) for swing in group] for group in (first, second))
         known = [[value for value in group if np.isfinite(value)] for group in (one, other)]
-        if not (known[0] or known[1]):
-            continue
-        p_value = rank_sum_p_value(*known)
-        verdict = _verdict(len(known[0]), len(known[1]), p_value)
-        found.append(Difference(method, figure, spread(one), spread(other), p_value, verdict))
-    return found
+        if known[0] or known[1]:
+            found.append((figure, spread(one), spread(other)))
+            p_values.append(rank_sum_p_value(*known))
+    tests = int(np.count_nonzero(np.isfinite(p_values)))
+    return [
+        Difference(
+            method, *parts, p_value, _verdict(parts[1].count, parts[2].count, p_value, tests)
+        )
+        for parts, p_value in zip(found, holm(p_values), strict=True)
+    ]
 
 
-def _verdict(first_count: int, second_count: int, p_value: float) -> str:
+def _verdict(first_count: int, second_count: int, p_value: float, tests: int) -> str:
+    """Return in words what the adjusted p-value of one of several tests says."""
     if not first_count or not second_count:
         return "only in one group"
-    if least_p_value(first_count, second_count) >= SIGNIFICANT:
+    if p_value < SIGNIFICANT:
+        return "different"
+    if tests * least_p_value(first_count, second_count) >= SIGNIFICANT:
         return "too few swings to tell"
-    return "different" if p_value < SIGNIFICANT else "no difference shown"
+    return "no difference shown"

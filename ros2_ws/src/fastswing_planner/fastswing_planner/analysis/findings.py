@@ -29,6 +29,8 @@ class BagFindings:
     topics    the timing of its topics
     counters  increase of counted rejections and losses: node -> name -> count
     lines     what a reader has to know, such as that there is no swing, a line each
+    joints    the names of its joints
+    muscles   the names of its muscles
     """
 
     source: str
@@ -37,6 +39,8 @@ class BagFindings:
     topics: tuple[TopicTiming, ...]
     counters: Mapping[str, Mapping[str, int]]
     lines: tuple[str, ...]
+    joints: tuple[str, ...] = ()
+    muscles: tuple[str, ...] = ()
 
 
 def examine(
@@ -62,7 +66,17 @@ def examine(
     for recording in recordings:
         counters |= recording.counters or {}
     began = min((one.began_ns for one in recordings), default=0)
-    return BagFindings(source, began, tuple(swings), topics, counters, tuple(dict.fromkeys(told)))
+    muscles = [one.muscles for one in recordings if one.muscles is not None]
+    return BagFindings(
+        source=source,
+        began_ns=began,
+        swings=tuple(swings),
+        topics=topics,
+        counters=counters,
+        lines=tuple(dict.fromkeys(told)),
+        joints=tuple(dict.fromkeys(name for one in recordings for name in one.joints.names)),
+        muscles=tuple(dict.fromkeys(name for one in muscles for name in one.names)),
+    )
 
 
 def _remarks(

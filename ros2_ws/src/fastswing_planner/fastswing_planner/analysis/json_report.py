@@ -10,7 +10,12 @@ from fastswing_planner.analysis.figures_table import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.analysis.motor_limits import MotorLimits, beyond_tension, beyond_velocity
+from fastswing_planner.analysis.motor_limits import (
+    MotorLimits,
+    beyond_tension,
+    beyond_velocity,
+    limits_known,
+)
 from fastswing_planner.analysis.topic_timing import TopicTiming
 
 
@@ -45,6 +50,7 @@ def _bag(findings: BagFindings, limits: MotorLimits) -> dict[str, Any]:
 
 
 def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
+    none: list[str] | None = [] if limits_known(swing, limits) else None
     return {
         "number": swing.number,
         "namespace": swing.namespace,
@@ -65,13 +71,13 @@ def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
                 "predicted_peak_speed": _number(muscle.predicted_peak_speed),
                 "peak_tension": _number(muscle.peak_tension),
                 "inhibited": muscle.inhibited,
-                "elongation": muscle.elongation,
+                "elongation": _number(muscle.elongation),
                 "masked": muscle.masked,
             }
             for muscle in swing.muscles
         },
-        "beyond_velocity_limit": list(beyond_velocity(swing, limits)) if limits else None,
-        "beyond_tension_limit": list(beyond_tension(swing, limits)) if limits else None,
+        "beyond_velocity_limit": list(beyond_velocity(swing, limits)) or none,
+        "beyond_tension_limit": list(beyond_tension(swing, limits)) or none,
         "inhibited": [
             {"start": one.start, "end": one.end, "muscles": list(one.muscles)}
             for one in swing.inhibited
@@ -95,14 +101,15 @@ def _latency(latency: Latency) -> dict[str, Any]:
 
 
 def _topic(topic: TopicTiming) -> dict[str, Any]:
+    gaps = [{"start": gap.start, "length": gap.length} for gap in topic.gaps]
     return {
         "name": topic.name,
         "type": topic.type_name,
         "count": topic.count,
         "rate": _number(topic.rate),
         "longest_pause": _number(topic.longest),
-        "gaps": [{"start": gap.start, "length": gap.length} for gap in topic.gaps],
-        "missing": topic.missing,
+        "gaps": gaps if topic.steady else None,
+        "missing": topic.missing if topic.steady else None,
         "dropped": topic.dropped,
         "clock_jumps": topic.jumps,
     }

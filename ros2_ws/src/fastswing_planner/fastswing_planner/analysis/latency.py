@@ -15,7 +15,7 @@ _OLDEST_STATE_SEC = 1.0
 
 @dataclass(frozen=True)
 class Latency:
-    """Durations of one kind.
+    """Durations of one kind; how long the longest took is unknown if any was not measured.
 
     values   [s] shape (k,)
     unusable measured on a clock that jumped: negative
@@ -27,19 +27,24 @@ class Latency:
     missing: int = 0
 
     @property
+    def complete(self) -> bool:
+        """Whether there are values, and none is missing or unusable."""
+        return bool(self.values.size) and not self.missing and not self.unusable
+
+    @property
     def median(self) -> float:
-        """[s] NaN without values."""
+        """[s] of those measured; NaN without values."""
         return float(np.median(self.values)) if self.values.size else np.nan
 
     @property
     def p99(self) -> float:
-        """[s] 99% are not longer; NaN without values."""
-        return float(np.quantile(self.values, 0.99)) if self.values.size else np.nan
+        """[s] 99% are not longer; NaN unless complete."""
+        return float(np.quantile(self.values, 0.99)) if self.complete else np.nan
 
     @property
     def longest(self) -> float:
-        """[s] NaN without values."""
-        return float(self.values.max()) if self.values.size else np.nan
+        """[s] NaN unless complete."""
+        return float(self.values.max()) if self.complete else np.nan
 
 
 @dataclass(frozen=True)
@@ -78,11 +83,9 @@ def inhibition_latency(
     from_state: list[float] = []
     missing = 0
     for row, muscle in _engagements(overrides, chosen.tolist()):
-        if muscle not in muscles.names:
-            continue
         received, stamp = float(overrides.received[row]), float(overrides.stamp[row])
         until = received + max(float(overrides.lease[row]), _EARLIER_SEC)
-        zero = _zero_time(muscles, muscles.names.index(muscle), stamp, received, until)
+        zero = _zero_time(muscles, muscle, stamp, received, until)
         if zero is None:
             missing += 1
             continue
@@ -110,11 +113,13 @@ def _engagements(overrides: OverrideSeries, chosen: list[int]) -> list[tuple[int
 
 
 def _zero_time(
-    muscles: MuscleSeries, column: int, stamp: float, received: float, until: float
+    muscles: MuscleSeries, muscle: str, stamp: float, received: float, until: float
 ) -> float | None:
-    """Return when the muscle first was at zero current [s]; None if it never was."""
+    """Return when the muscle first was at zero current [s]; None if it never was, or is unknown."""
+    if muscle not in muscles.names:
+        return None
     plausible = 0.0 <= received - stamp <= _OLDEST_STATE_SEC
     begin = stamp if plausible else received - _EARLIER_SEC
     in_time = (muscles.time >= begin) & (muscles.time <= until)
-    rows = np.flatnonzero(in_time & (muscles.mode[:, column] == ZERO_CURRENT))
+    rows = np.flatnonzero(in_time & (muscles.mode[:, muscles.names.index(muscle)] == ZERO_CURRENT))
     return float(muscles.time[rows[0]]) if rows.size else None

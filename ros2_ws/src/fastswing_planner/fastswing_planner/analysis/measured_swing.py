@@ -82,7 +82,7 @@ class MeasuredSwing:
     joint_series, muscle_series  what was measured around the swing
     inhibited     what was forced to zero current
     latency       of the overrides in this swing
-    rejected      joint states that the inhibitor could not use
+    rejected      joint states that the inhibitor could not use; NaN if it did not tell
     ended         why the inhibitor disarmed; empty if it was not armed
     faulty        muscles that reported a fault
     notes         what a reader has to know before trusting the figures
@@ -104,7 +104,7 @@ class MeasuredSwing:
     muscle_series: MuscleSeries | None
     inhibited: tuple[Inhibition, ...]
     latency: InhibitionLatency
-    rejected: int
+    rejected: float
     ended: str
     faulty: tuple[str, ...]
     notes: tuple[str, ...]
@@ -162,7 +162,8 @@ def measure_swings(
         plan, planned_other = _plan_of(recording, burst)
         if plan is not None and not burst.armed and _way(joints, plan, burst) < _LEAST_WAY:
             continue
-        swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance)
+        after = max((one.start for one in swings if one.commanded), default=-np.inf)
+        swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance, after)
         swings.append(replace(swing, number=len(swings) + 1))
     return swings
 
@@ -205,12 +206,15 @@ def _measure(
     planned_other: bool,
     overridden: Sequence[Inhibition],
     tolerance: float,
+    after: float,
 ) -> MeasuredSwing:
+    """Measure a motion; `after` [s] is when the swing before was commanded."""
     joints, muscles = recording.joints, recording.muscles
     begin, finish = float(joints.time[burst.first]), float(joints.time[burst.last])
     command = None
     if not burst.begins_cut:
-        command = swing_command(recording.commands, begin, float(joints.time[burst.fastest]))
+        fastest = float(joints.time[burst.fastest])
+        command = swing_command(recording.commands, begin, fastest, after)
     start = begin if command is None else command
     shown = (start - SHOWN_BEFORE_SEC, finish + SHOWN_AFTER_SEC)
     around = _piece(burst, joints, shown)
@@ -224,6 +228,10 @@ def _measure(
     notes = _notes(recording, burst, plan, planned_other, command is not None)
     if np.isnan(arrival) and not (burst.ends_cut or burst.begins_cut):
         notes.append(f"the arm did not come within {tolerance:g} rad of the end posture")
+    muscle_figures = _muscle_figures(muscle_series, plan, inhibited, finish - start)
+    unknown = [one.name for one in muscle_figures if np.isnan(one.peak_speed + one.peak_tension)]
+    if unknown:
+        notes.append(f"speed or tension is unknown of {' '.join(unknown)}")
     rejected, ended = _inhibitor_report(recording, *shown)
     return MeasuredSwing(
         source=recording.source,
@@ -237,7 +245,7 @@ def _measure(
         rest=finish - start,
         plan=plan,
         joints=_joint_figures(joint_series, plan, finish - start),
-        muscles=_muscle_figures(muscle_series, plan, inhibited, finish - start),
+        muscles=muscle_figures,
         joint_series=joint_series,
         muscle_series=muscle_series,
         inhibited=inhibited,
@@ -304,9 +312,9 @@ def _arrival(
 ) -> float:
     """Return when the arm first was near the end [s] after `start`; NaN if it was not.
 
-    Without a plan the end is where the arm came to rest.
+    Without a plan the end is where the arm came to rest. NaN if nobody knows when the swing began.
     """
-    if plan is None and burst.ends_cut:
+    if burst.begins_cut or (plan is None and burst.ends_cut):
         return np.nan
     names = joints.names if plan is None else plan.joint_names
     columns = [joints.names.index(name) for name in names]
@@ -329,6 +337,11 @@ def _notes(
         notes.append("half a swing: the recording begins, or has a gap, in the middle of it")
     if burst.ends_cut:
         notes.append("half a swing: the recording ends, or has a gap, before the arm rested")
+    if burst.hole:
+        notes.append(
+            f"no joint speed is known for {burst.hole:.2f} s of it: "
+            "peaks and a rest may be missed, its time may be too long"
+        )
     if planned_other:
         notes.append("the plan in the bag is another swing's: nothing is predicted")
     elif plan is None:
@@ -395,15 +408,18 @@ def _faulty(muscles: MuscleSeries | None) -> tuple[str, ...]:
     return tuple(name for name, flag in zip(muscles.names, flags, strict=True) if flag)
 
 
-def _inhibitor_report(recording: Recording, begin: float, end: float) -> tuple[int, str]:
-    """Return how many joint states the inhibitor rejected meanwhile, and why it disarmed."""
+def _inhibitor_report(recording: Recording, begin: float, end: float) -> tuple[float, str]:
+    """Return how many joint states the inhibitor rejected meanwhile, and why it disarmed.
+
+    NaN and no reason if no status says that it was armed.
+    """
     status = recording.status
     if status is None:
-        return 0, ""
+        return np.nan, ""
     rows = np.flatnonzero((status.time >= begin) & (status.time <= end))
     armed = rows[status.armed[rows]]
     if armed.size == 0:
-        return 0, ""
+        return np.nan, ""
     later = int(armed[-1]) + np.flatnonzero(~status.armed[armed[-1] :])
     ended = status.reason[later[0]] if later.size else ""
-    return int(status.rejected[armed].max()), ended
+    return float(status.rejected[armed].max()), ended

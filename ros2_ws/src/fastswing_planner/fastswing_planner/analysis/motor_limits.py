@@ -61,8 +61,11 @@ def beyond_tension(swing: MeasuredSwing, limits: MotorLimits) -> tuple[str, ...]
 
 
 def limits_known(swing: MeasuredSwing, limits: MotorLimits) -> bool:
-    """Return whether the limits of all its muscles are known, and there are any."""
-    return bool(swing.muscles) and all(muscle.name in limits for muscle in swing.muscles)
+    """Return whether of all its muscles limits and peaks are known, and there are any."""
+    return bool(swing.muscles) and all(
+        muscle.name in limits and np.isfinite([muscle.peak_speed, muscle.peak_tension]).all()
+        for muscle in swing.muscles
+    )
 
 
 def drawn_limits(swing: MeasuredSwing, limits: MotorLimits, figure: str) -> list[float]:

@@ -9,7 +9,7 @@ from string import Template
 import numpy as np
 
 from fastswing_planner.analysis.checks import CheckResult
-from fastswing_planner.analysis.comparison import Difference
+from fastswing_planner.analysis.comparison import Difference, Spread
 from fastswing_planner.analysis.figures_table import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
@@ -17,6 +17,7 @@ from fastswing_planner.analysis.motor_limits import (
     MotorLimits,
     beyond_tension,
     beyond_velocity,
+    drawn_limits,
     limits_known,
 )
 from fastswing_planner.analysis.page_style import CSS
@@ -31,6 +32,7 @@ from fastswing_planner.analysis.text_report import (
     LATENCY_TITLES,
     TOPIC_HEAD,
     beyond_text,
+    counted,
     counter_lines,
     latency_cells,
     topic_cells,
@@ -233,8 +235,8 @@ def _notes(swing: MeasuredSwing) -> list[str]:
     notes = list(swing.notes)
     if swing.faulty:
         notes.append(f"faulty muscles: {', '.join(swing.faulty)}")
-    if swing.rejected:
-        notes.append(f"the inhibitor rejected {swing.rejected} joint states")
+    if swing.rejected > 0:
+        notes.append(f"the inhibitor rejected {swing.rejected:.0f} joint states")
     return notes
 
 
@@ -249,21 +251,25 @@ def _tiles(swing: MeasuredSwing, limits: MotorLimits) -> str:
         ),
         _tile(
             "time to the end posture",
-            "not reached" if np.isnan(swing.arrival) else f"{swing.arrival:.2f}",
+            "–" if np.isnan(swing.arrival) else f"{swing.arrival:.2f}",
             "" if np.isnan(swing.arrival) else "s",
             _predicted(swing.predicted_time, "s"),
         ),
     ]
     if muscle is not None:
         fast = beyond_velocity(swing, limits)
-        known = limits_known(swing, limits)
-        verdict = f"▲ beyond the limit: {' '.join(fast)}" if fast else "no muscle beyond its limit"
+        if fast:
+            verdict = f"▲ beyond the limit: {' '.join(fast)}"
+        elif limits_known(swing, limits):
+            verdict = "no muscle beyond its limit"
+        else:
+            verdict = "not every speed and limit is known"
         tiles.append(
             _tile(
                 f"largest muscle speed, {muscle.name}",
                 f"{muscle.peak_speed:.2f}",
                 "m/s",
-                verdict if known else "limits not known",
+                verdict,
             )
         )
     if tight is not None:
@@ -302,7 +308,7 @@ def _key(swing: MeasuredSwing, limits: MotorLimits) -> str:
         parts.insert(0, "dotted steps: the plan")
     if swing.muscles:
         parts.append("solid: paid out, short dashes: wound in")
-    if limits_known(swing, limits):
+    if drawn_limits(swing, limits, "velocity"):
         parts.append("long dashes: limits")
     if swing.inhibited:
         parts.append('<span class="shade">shaded</span>: muscles inhibited')
@@ -378,7 +384,7 @@ def _comparison(
         figure = FIGURES[one.figure]
         spreads = [
             f"{figure.text(part.median)} <small>{figure.text(part.low)} to "
-            f"{figure.text(part.high)}, {part.count} swings</small>"
+            f"{figure.text(part.high)}, {_swings(one.figure, part)}</small>"
             for part in (one.first, one.second)
         ]
         change = "–" if np.isnan(one.change) else f"{one.change:+.{figure.decimals}f}"
@@ -399,8 +405,14 @@ def _comparison(
         f'<span class="second">╍ B</span> {_text(groups[1])}</p>'
         f'<div class="pictures">{shown}</div>{_wide_table(head, rows)}'
         '<p class="small">Medians with their quartiles. p: exact rank-sum test, the chance of a '
-        "difference at least as clear if nothing differed; below 0.05 it counts.</p></section>"
+        "difference at least as clear if nothing differed, adjusted for all figures of the method "
+        "(Holm); below 0.05 it counts.</p></section>"
     )
+
+
+def _swings(figure: str, part: Spread) -> str:
+    number = counted(figure, part)
+    return f"{number} swings" if part.count == part.total else number
 
 
 def _bag(findings: BagFindings) -> str:
@@ -412,9 +424,9 @@ def _bag(findings: BagFindings) -> str:
         for topic in findings.topics
         for gap in topic.gaps[:3]
     ]
-    counted = [line.strip() for line in counter_lines(findings)]
+    told = [line.strip() for line in counter_lines(findings)]
     lists = ""
-    for title, lines in (("Longest gaps", gaps), ("Counted by the nodes", map(_text, counted))):
+    for title, lines in (("Longest gaps", gaps), ("Counted by the nodes", map(_text, told))):
         items = "".join(f"<li>{line}</li>" for line in lines)
         lists += f"<h3>{title}</h3><ul>{items}</ul>" if items else ""
     return (

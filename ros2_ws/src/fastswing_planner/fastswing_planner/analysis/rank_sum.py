@@ -65,6 +65,21 @@ def _normal_p_value(ranks: Vector, size: int) -> float:
     return math.erfc(abs(float(ranks[:size].sum()) - mean) / deviation / math.sqrt(2.0))
 
 
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Return p-values adjusted for being several tests, by Holm's method; NaN stays and is no test.
+
+    Each, from the smallest on, is multiplied by the number of tests that are left, and is not less
+    than the one before. If nothing differs, the chance that any is below a level is at most it.
+    """
+    known = [(value, place) for place, value in enumerate(p_values) if not math.isnan(value)]
+    adjusted = list(p_values)
+    least = 0.0
+    for done, (p_value, place) in enumerate(sorted(known)):
+        least = max(least, min(1.0, (len(known) - done) * p_value))
+        adjusted[place] = least
+    return adjusted
+
+
 def least_p_value(first_count: int, second_count: int) -> float:
     """Return the smallest p-value that samples of these sizes can have; NaN if one is empty."""
     if not first_count or not second_count:

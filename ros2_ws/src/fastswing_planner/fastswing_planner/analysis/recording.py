@@ -84,9 +84,9 @@ class OverrideSeries:
 class StatusSeries:
     """What the inhibitor said of itself.
 
-    time      [s] shape (k,)
+    time      [s] stamps of the joint states decided on, shape (k,)
     armed     shape (k,)
-    rejected  joint states that could not be used since it was armed, shape (k,)
+    rejected  joint states that could not be used since it was armed, shape (k,); NaN: not recorded
     reason    its REASON_* text; empty while armed, k texts
     """
 
@@ -112,7 +112,7 @@ class CommandSeries:
 class RecordedPlan:
     """A plan as it was published.
 
-    received         [s]
+    received         [s] on the clock of the joint states' stamps
     start, end       [rad] shape (n,)
     kept             the paper's mask as flags, shape (m,)
     inhibited        masked because Method 1 is predicted to inhibit the muscle, shape (m,)

@@ -39,12 +39,17 @@ PLAN = "fastswing_msgs/msg/SwingPlan"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 _STEADY = (JOINT_STATE, MUSCLE_STATE)
-_TIMED = (OVERRIDE, STATUS, COMMAND, PLAN)
+_TIMED = ("fastswing_msgs/msg/TensionCommand", "fastswing_msgs/msg/CurrentCommand")
+"""Of these only the times are used."""
 _METHODS = {0: "basic", 1: "inhibit", 2: "elongate", 3: "hybrid"}
 _AROUND_SEC = 0.6
 """Kept of the states before and after each fast motion; more than is shown of a swing."""
 _LARGEST = 1e6
 """In SI units, beyond anything that an arm can do."""
+_CLOCKS_APART_SEC = 0.5
+"""No message is this long on its way: its stamp and the recorder's time are of two clocks."""
+_MOST_DIGITS = 20
+"""Of a 64-bit count."""
 _UNKNOWN_MODE = 255
 """A mode that is not recorded is not zero current."""
 _COUNTED = ("rejected", "refused", "lost", "late_", "missed", "overruns", "dropped")
@@ -100,15 +105,20 @@ class _Arm:
     settings: FindingSettings
     warnings: list[str] = field(default_factory=list)
     topics: list[TopicTimes] = field(default_factory=list)
+    clock_lead: float = 0.0
+    """[s] by which the recorder's clock is ahead of the joint states'; 0 if they agree."""
 
     def read(self, joint_topic: str) -> Recording:
         speed = self._speed(joint_topic)
+        self._compare_clocks(self.topics[-1])
         status = self._status()
         kept = _windows(speed, status, self.settings)
         joints = self._joints(joint_topic, kept)
         muscles = self._muscles(kept)
         overrides, commands = self._overrides(), self._commands()
         plans = self._plans()
+        for type_name in _TIMED:
+            self._add_times(self._topic(type_name))
         return Recording(
             source=self.source,
             namespace=self.namespace,
@@ -137,6 +147,17 @@ class _Arm:
     def _stamps(self, part: Columns) -> Vector:
         """Return the headers' stamps [s]; a header without one counts as just recorded."""
         return self._seconds(np.where(part.time_ns == 0, part.log_time_ns, part.time_ns))
+
+    def _compare_clocks(self, joints: TopicTimes) -> None:
+        lead = clock_lead(joints)
+        if abs(lead) <= _CLOCKS_APART_SEC:
+            return
+        self.clock_lead = lead
+        self.warnings.append(
+            f"{joints.name}: the recorder's clock is {abs(lead):.2f} s "
+            f"{'ahead of' if lead > 0.0 else 'behind'} the stamps; "
+            "latencies of overrides mean nothing"
+        )
 
     def _parts(self, topic: str, *fields: str) -> Iterator[Columns]:
         """Read a topic by its stamps, once noting when its messages came."""
@@ -247,10 +268,11 @@ class _Arm:
         times, armed, rejected = [], [], []
         reasons: list[str] = []
         for part in self._parts(topic, "armed", "rejected", "reason_text"):
-            times.append(self._seconds(part.log_time_ns))
+            received = self._seconds(part.log_time_ns) - self.clock_lead
+            times.append(np.where(part.time_ns == 0, received, self._seconds(part.time_ns)))
             armed.append(part["armed"].astype(bool))
-            missing = np.zeros(part.count)
-            rejected.append(np.asarray(part.get("rejected", missing), dtype=float))
+            unknown = np.full(part.count, np.nan)
+            rejected.append(np.asarray(part.get("rejected", unknown), dtype=float))
             reasons += list(part.get("reason_text", [""] * part.count))
         return StatusSeries(
             np.concatenate(times), np.concatenate(armed), np.concatenate(rejected), tuple(reasons)
@@ -275,16 +297,34 @@ class _Arm:
         topic = self._topic(PLAN)
         if topic is None:
             return ()
-        plans = []
+        plans: list[RecordedPlan] = []
         try:
             for log_time_ns, message in self.bag.messages(topic):
-                plans.append(recorded_plan((log_time_ns - self.began_ns) * 1e-9, message))
+                # Its stamp says when it was planned, which may be long before its swing.
+                received = (log_time_ns - self.began_ns) * 1e-9 - self.clock_lead
+                plans += self._usable(topic, received, message)
         except BagError as error:
             self.warnings.append(str(error))
+        self._add_times(topic)
+        return tuple(plans)
+
+    def _add_times(self, topic: str | None) -> None:
+        if topic is not None:
+            self.topics += _times(self.bag, [topic], self.began_ns)
+
+    def _usable(self, topic: str, received: float, message: Any) -> list[RecordedPlan]:
+        try:
+            return [recorded_plan(received, message)]
         except (AttributeError, ValueError) as error:
             self.warnings.append(f"{topic}: a plan cannot be used: {error}")
-        self.topics += _times(self.bag, [topic], self.began_ns)
-        return tuple(plans)
+            return []
+
+
+def clock_lead(topic: TopicTimes) -> float:
+    """Return by how much a topic's messages typically were recorded after their stamps [s]."""
+    if topic.stamp is None or topic.stamp.size == 0:
+        return 0.0
+    return float(np.median(topic.received - topic.stamp))
 
 
 def recorded_plan(received: float, message: Any) -> RecordedPlan:
@@ -292,12 +332,11 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
 
     received  [s]
 
-    Plans recorded before a field existed have it empty.
+    Plans recorded before a field existed lack it or have it empty: zero.
     """
     joints, muscles = tuple(message.joint_name), tuple(message.muscle_name)
     points = message.trajectory
     kept = np.array(message.mask, dtype=bool)
-    nothing = [0] * len(muscles)
     plan = RecordedPlan(
         received=received,
         method=_METHODS.get(message.method, f"method {message.method}"),
@@ -306,9 +345,9 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
         end=_plausible(message.end_position),
         muscle_names=muscles,
         kept=kept,
-        inhibited=np.array(getattr(message, "inhibited", nothing), dtype=bool),
+        inhibited=np.array(_or_zeros(message, "inhibited", muscles), dtype=bool),
         elongation=_plausible(message.elongation),
-        speed_index=_plausible(getattr(message, "speed_index", nothing)),
+        speed_index=_plausible(_or_zeros(message, "speed_index", muscles)),
         time_cost=float(_plausible(message.time_cost)),
         time=_plausible([point.time_from_start for point in points]),
         joint_velocity=_table([point.joint_velocity for point in points], len(joints)),
@@ -318,11 +357,22 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
         ("start_position", plan.start, joints),
         ("end_position", plan.end, joints),
         ("mask", plan.kept, muscles),
+        ("inhibited", plan.inhibited, muscles),
         ("elongation", plan.elongation, muscles),
+        ("speed_index", plan.speed_index, muscles),
     ):
         if values.shape != (len(names),):
             raise ValueError(f"{what} has {values.size} values for {len(names)} names")
+    if not joints:
+        raise ValueError("it names no joint")
+    if np.array_equal(plan.start, plan.end):
+        raise ValueError("it ends where it starts")
     return plan
+
+
+def _or_zeros(message: Any, name: str, muscles: Sequence[str]) -> Sequence[float]:
+    values: Sequence[float] = getattr(message, name, ())
+    return values if len(values) else [0.0] * len(muscles)
 
 
 def _table(rows: Sequence[Sequence[float]], width: int) -> Matrix:
@@ -443,12 +493,17 @@ def _counters(bag: Bag) -> tuple[dict[str, dict[str, int]], list[str]]:
                     counts = {
                         pair.key: int(pair.value)
                         for pair in status.values
-                        if pair.key.startswith(_COUNTED) and pair.value.isdigit()
+                        if pair.key.startswith(_COUNTED) and _is_count(pair.value)
                     }
                     _count(risen, last, status.name, counts)
         except BagError as error:
             warnings.append(str(error))
     return {node: counts for node, counts in risen.items() if counts}, warnings
+
+
+def _is_count(text: str) -> bool:
+    """Return whether a text is a number of 64 bits as nodes write it; '²' is a digit, too."""
+    return text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS
 
 
 def _count(

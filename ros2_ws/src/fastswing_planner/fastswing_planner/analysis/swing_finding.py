@@ -1,7 +1,7 @@
 """Finds the swings of a recording: when the inhibitor was armed, and when joints were fast."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,10 @@ _LEAST_STEP = 1e-3
 
 STAMP_JITTER_SEC = 0.01
 """Stamps taken on a busy machine may run backwards by so much; farther, a clock jumped."""
+
+
+_HOLE_SHARE = 0.5
+"""Share of the rest time; in a longer pause of joint states nobody knows whether the arm rested."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class Burst:
     begins_cut   the recording begins, or goes on after a gap, in the middle of it
     ends_cut     the recording ends, or has a gap, before the arm rested
     armed        the inhibitor was armed meanwhile
+    hole         [s] longest pause of known speeds in it that could hide a rest; 0: none
     """
 
     first: int
@@ -61,6 +66,7 @@ class Burst:
     begins_cut: bool
     ends_cut: bool
     armed: bool = False
+    hole: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -108,9 +114,11 @@ def find_bursts(
     """Return the fast motions, in the order of the recording.
 
     time   [s] of the joint states, shape (k,)
-    speed  [rad/s] of the fastest joint, shape (k,); NaN counts as rest
+    speed  [rad/s] of the fastest joint, shape (k,); NaN: as if that joint state were missing
     armed  when the inhibitor was armed: any motion then is a swing, however slow
     """
+    known = np.flatnonzero(~np.isnan(speed))
+    time, speed = time[known], speed[known]
     found: list[Burst] = []
     for first, last in segments(time, settings.longest_gap):
         for burst in _motions(time, speed, first, last, settings):
@@ -119,45 +127,60 @@ def find_bursts(
                 for interval in armed
             )
             if meanwhile or speed[burst.fastest] > settings.swing_speed:
-                found.append(
-                    Burst(
-                        burst.first,
-                        burst.last,
-                        burst.fastest,
-                        burst.begins_cut,
-                        burst.ends_cut,
-                        meanwhile,
-                    )
-                )
-    return found
+                found.append(replace(burst, armed=meanwhile))
+    return [
+        replace(
+            burst,
+            first=int(known[burst.first]),
+            last=int(known[burst.last]),
+            fastest=int(known[burst.fastest]),
+        )
+        for burst in found
+    ]
 
 
 def _motions(
     time: Vector, speed: Vector, first: int, last: int, settings: FindingSettings
 ) -> list[Burst]:
-    """Return every motion in one piece of the recording."""
-    moving = first + np.flatnonzero(speed[first : last + 1] > settings.rest_speed)
+    """Return every motion in one piece of the recording.
+
+    A rest is seen: pauses of joint states do not count, and one beside a motion belongs to it.
+    """
+    moving = np.flatnonzero(speed[first : last + 1] > settings.rest_speed)
     if moving.size == 0:
         return []
-    rests = np.flatnonzero(np.diff(time[moving]) >= settings.rest_time)
+    step = np.diff(time[first : last + 1])
+    holes = np.where(step > _HOLE_SHARE * settings.rest_time, step, 0.0)
+    # A clock [s] that stands still in holes.
+    seen = np.concatenate([[0.0], np.cumsum(step - holes)])
+    rests = np.flatnonzero(np.diff(seen[moving]) >= settings.rest_time)
     begins = moving[np.concatenate([[0], rests + 1])].tolist()
     ends = moving[np.concatenate([rests, [moving.size - 1]])].tolist()
-    return [
-        Burst(
-            begin,
-            end,
-            begin + int(np.nanargmax(speed[begin : end + 1])),
-            begins_cut=begin == first,
-            ends_cut=bool(time[last] - time[end] < settings.rest_time),
+    found = []
+    for begin, end in zip(begins, ends, strict=True):
+        burst_first = begin - 1 if begin > 0 and holes[begin - 1] else begin
+        burst_last = end + 1 if end < step.size and holes[end] else end
+        fastest = begin + int(np.argmax(speed[first + begin : first + end + 1]))
+        found.append(
+            Burst(
+                first + burst_first,
+                first + burst_last,
+                first + fastest,
+                begins_cut=begin == 0,
+                ends_cut=bool(seen[-1] - seen[end] < settings.rest_time),
+                hole=float(holes[burst_first:burst_last].max(initial=0.0)),
+            )
         )
-        for begin, end in zip(begins, ends, strict=True)
-    ]
+    return found
 
 
-def swing_command(commands: CommandSeries | None, begin: float, fastest: float) -> float | None:
+def swing_command(
+    commands: CommandSeries | None, begin: float, fastest: float, after: float = -np.inf
+) -> float | None:
     """Return when the swing's length command was made [s]; None if there was none.
 
     begin, fastest  [s] when the motion began and when it was fastest
+    after           [s] when the swing before was commanded: a command begins one swing
 
     On the way to the start posture lengths change a little with each of many commands; the swing is
     one command that asks for the end posture at once (section IV-B of the paper). So it is the
@@ -166,7 +189,7 @@ def swing_command(commands: CommandSeries | None, begin: float, fastest: float) 
     if commands is None:
         return None
     in_time = (commands.time >= begin - _COMMAND_BEFORE_SEC) & (commands.time <= fastest)
-    rows = np.flatnonzero(in_time & (commands.step > _LEAST_STEP))
+    rows = np.flatnonzero(in_time & (commands.time > after) & (commands.step > _LEAST_STEP))
     return float(commands.time[rows[np.argmax(commands.step[rows])]]) if rows.size else None
 
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fastswing_planner.analysis.checks import CheckResult, swing_label
-from fastswing_planner.analysis.comparison import Difference
+from fastswing_planner.analysis.comparison import Difference, Spread
 from fastswing_planner.analysis.figures_table import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
@@ -60,9 +60,9 @@ def _bag_text(findings: BagFindings, limits: MotorLimits) -> str:
             parts += ["", table(head, latencies)]
     if findings.topics:
         parts += ["", table(TOPIC_HEAD, [topic_cells(topic) for topic in findings.topics])]
-    counted = counter_lines(findings)
-    if counted:
-        parts += ["", "counted by the nodes while it was recorded:", *counted]
+    told = counter_lines(findings)
+    if told:
+        parts += ["", "counted by the nodes while it was recorded:", *told]
     return "\n".join(parts)
 
 
@@ -83,14 +83,15 @@ def swing_cells(swing: MeasuredSwing, limits: MotorLimits) -> list[str]:
 
 
 def beyond_text(swing: MeasuredSwing, limits: MotorLimits) -> str:
-    """Return the muscles that exceeded their speed limit, or pulled beyond the boards' limit."""
-    if not limits_known(swing, limits):
-        return "–"
+    """Return the muscles that exceeded their speed limit, or pulled beyond the boards' limit.
+
+    '–' if none did as far as is known, and not everything is.
+    """
     fast, tight = beyond_velocity(swing, limits), beyond_tension(swing, limits)
     parts = [" ".join(fast)] if fast else []
     if tight:
         parts.append(f"tension {' '.join(tight)}")
-    return ", ".join(parts) or "none"
+    return ", ".join(parts) or ("none" if limits_known(swing, limits) else "–")
 
 
 def beside(measured: float, predicted: float) -> str:
@@ -141,11 +142,21 @@ def counter_lines(findings: BagFindings) -> list[str]:
     ]
 
 
+_P_VALUE = "p: exact rank-sum test, adjusted for all figures of the method (Holm)"
+
+
+def counted(figure: str, part: Spread) -> str:
+    """Return how many swings a figure of one group is of, and of how many if not of all."""
+    if part.count == part.total:
+        return str(part.count)
+    return f"{part.count} of {part.total} {'arrived' if figure == 'time' else 'known'}"
+
+
 def comparison_text(first: str, second: str, differences: Sequence[Difference]) -> str:
     """Return a comparison of two groups as a table."""
     head = ("method", "figure", first, second, "change", "p", "verdict")
     rows = [comparison_cells(one) for one in differences]
-    return f"{table(head, rows)}\n\nmedian (quartiles), number of swings; p: exact rank-sum test"
+    return f"{table(head, rows)}\n\nmedian (quartiles), number of swings; {_P_VALUE}"
 
 
 def comparison_cells(difference: Difference) -> list[str]:
@@ -154,7 +165,7 @@ def comparison_cells(difference: Difference) -> list[str]:
     groups = []
     for one in (difference.first, difference.second):
         quartiles = f"{figure.text(one.low)} to {figure.text(one.high)}"
-        groups.append(f"{figure.text(one.median)} ({quartiles}), {one.count}")
+        groups.append(f"{figure.text(one.median)} ({quartiles}), {counted(difference.figure, one)}")
     change = difference.change
     return [
         difference.method,

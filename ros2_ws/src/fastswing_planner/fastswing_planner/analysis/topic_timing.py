@@ -32,7 +32,8 @@ class TopicTiming:
 
     rate         [Hz] mean from the first to the last message; NaN for fewer than two
     period       [s] median; NaN for fewer than two messages
-    steady       its messages come in a fixed period: pauses mean something
+    steady       its messages come in a fixed period, and there are enough to tell it: pauses mean
+                 something
     longest      [s] longest pause; NaN for fewer than two messages
     gaps         pauses of a steady topic that were longer than GAP_PERIODS periods, longest first
     missing      messages that a steady topic lacks in its gaps, by its stamps if it has any
@@ -70,7 +71,7 @@ def topic_timing(topic: TopicTimes) -> TopicTiming:
         count=int(time.size),
         rate=forward.size / covered if covered > 0.0 else np.nan,
         period=period,
-        steady=topic.steady,
+        steady=steady,
         longest=float(forward.max()) if known else np.nan,
         gaps=gaps,
         missing=sum(max(round(gap.length / period) - 1, 0) for gap in gaps),

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from bag_of_swings import EPOCH_NS, TYPES, BagOfSwings, stamp
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
+from fastswing_msgs.msg import CurrentCommand, InhibitionStatus, SwingPlan, TensionCommand
 from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.recording_reading import recorder_losses
@@ -74,6 +76,27 @@ def test_what_the_nodes_counted_meanwhile_is_told(bag: Path, analyse: Run) -> No
     assert "bridge: rejected_not_finite 7" in analyse(bag).out
 
 
+@pytest.mark.parametrize("value", ["²", "٣", "9" * 5000, "-1", ""])
+def test_a_count_that_is_no_number_is_passed_over(value: str, bag: Path, analyse: Run) -> None:
+    made = BagOfSwings(bag.with_name("count.mcap"))
+    made.add("/joint_states", 0.0, JointState(name=["a"], velocity=[0.1]))
+    made.add_rejections(1.0, 3)
+    for message in made.messages((DiagnosticArray,)):
+        message.status[0].values[0].value = value
+    assert analyse(made.write(), "--json").record["bags"][0]["counters"] == {}
+
+
+def test_a_plan_without_joints_is_told_and_the_others_are_used(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "plans.mcap")
+    made.add("/swing_plan", 0.05, SwingPlan())
+    made.add_recording(recorded())
+    (record,) = analyse(made.write(), "--json").record["bags"]
+    assert [swing["method"] for swing in record["swings"]] == ["inhibit"]
+    assert record["lines"] == ["/swing_plan: a plan cannot be used: it names no joint"]
+
+
 def test_the_table_shows_measured_beside_predicted(bag: Path, analyse: Run) -> None:
     line = next(line for line in analyse(bag).out.splitlines() if line.startswith("1  "))
     expected = "1 inhibit 3.98 3.00 (3.50) E-p 0.88 (0.75) 0.50 #9 #9 170 #1 #9 #10"
@@ -113,6 +136,38 @@ def test_kept_limits_are_exit_code_0(bag: Path, analyse: Run, tmp_path: Path) ->
     limits.write_text("swings: 1\ntopics: {joint_states: {rate: {min: 190}}}")
     answer = analyse(bag, "--check", limits)
     assert (answer.code, answer.out.splitlines()[-1]) == (0, "PASS: 2 limits kept")
+
+
+def test_limits_of_each_swing_are_not_kept_by_a_bag_without_one(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "still.mcap")
+    made.add_recording(recorded(until=3.0, overrides=None, status=None, commands=None))
+    limits = tmp_path / "limits.yaml"
+    limits.write_text("each_swing: {joints: {E-p: {max: 9}, E-q: {max: 9}}}")
+    answer = analyse(made.write(), "--check", limits)
+    assert answer.code == 1
+    assert [line for line in answer.out.splitlines() if line.startswith("FAIL")] == [
+        "FAIL no swing: the limits of each_swing could not be tried",
+        "FAIL unknown joint 'E-q', the bags hold: S-p, E-p",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("tension_command", TensionCommand), ("current_command", CurrentCommand)]
+)
+def test_the_rate_of_every_command_can_be_limited(
+    name: str, kind: type, bag: Path, recorded: Recorded, analyse: Run
+) -> None:
+    made = BagOfSwings(bag.with_name("commands.mcap"))
+    made.add_recording(recorded(), "/left")
+    for row in range(20):
+        made.add(f"/left/{name}", row / 10, kind())
+    limits = bag.with_name("limits.yaml")
+    limits.write_text(f"topics: {{{name}: {{rate: {{min: 11}}}}}}")
+    assert "FAIL commands.mcap /left/" + name + ": rate is 10 Hz, at least 11 Hz allowed" in (
+        analyse(made.write(), "--check", limits).out.splitlines()
+    )
 
 
 def test_a_wrong_limits_file_is_exit_code_2(bag: Path, analyse: Run, tmp_path: Path) -> None:
@@ -257,6 +312,16 @@ def test_a_bag_without_velocities_says_so(analyse: Run, tmp_path: Path) -> None:
     ]
 
 
+def test_what_is_unknown_without_a_plan_is_null(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "unplanned.mcap")
+    made.add_recording(recorded(plans=()))
+    (bag,) = analyse(made.write(), "--json", "--output", tmp_path / "out").record["bags"]
+    assert bag["swings"][0]["muscles"]["#9"]["elongation"] is None
+    assert "NaN" not in (tmp_path / "out" / "analysis.json").read_text()
+
+
 def test_a_clock_that_jumps_is_told_and_what_is_whole_is_still_measured(
     recorded: Recorded, analyse: Run, tmp_path: Path
 ) -> None:
@@ -270,6 +335,50 @@ def test_a_clock_that_jumps_is_told_and_what_is_whole_is_still_measured(
     assert lines_of(answer) == [
         "the clock jumped back for 100.00 s at 100.99 s; no swing is read across it"
     ]
+
+
+@pytest.mark.parametrize(
+    ("lead", "line"),
+    [
+        (5.0, "the recorder's clock is 5.00 s ahead of the stamps"),
+        (-5.0, "the recorder's clock is 5.00 s behind the stamps"),
+    ],
+)
+def test_a_recorder_with_another_clock_is_told_and_spoils_no_swing(
+    lead: float, line: str, recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "clocks.mcap")
+    made.add_recording(recorded())
+    made.delay_recording(lead)
+    answer = analyse(made.write(), "--json")
+    (swing,) = answer.record["bags"][0]["swings"]
+    assert swing["figures"]["rejected"] == 2
+    assert swing["figures"]["predicted_time"] == 0.75
+    assert swing["figures"]["state_to_override"] is None
+    (told,) = lines_of(answer)
+    assert told == f"/joint_states: {line}; latencies of overrides mean nothing"
+
+
+def test_the_clocks_of_a_recorder_that_is_slow_by_less_than_half_a_second_agree(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "slow.mcap")
+    made.add_recording(recorded())
+    made.delay_recording(0.4)
+    assert lines_of(analyse(made.write(), "--json")) == []
+
+
+def test_a_status_counts_when_its_joint_state_was_measured(
+    recorded: Recorded, analyse: Run, tmp_path: Path
+) -> None:
+    made = BagOfSwings(tmp_path / "late.mcap")
+    made.add_recording(recorded(status=None))
+    for measured, recorded_at, rejected in ((4.0, 4.0, 3), (9.0, 4.3, 7)):
+        status = InhibitionStatus(header=Header(stamp=stamp(measured)), armed=True)
+        status.rejected = rejected
+        made.add("/inhibition_status", recorded_at, status)
+    (swing,) = analyse(made.write(), "--json").record["bags"][0]["swings"]
+    assert swing["figures"]["rejected"] == 3
 
 
 def test_what_the_recorder_lost_is_told(bag: Path, analyse: Run, tmp_path: Path) -> None:

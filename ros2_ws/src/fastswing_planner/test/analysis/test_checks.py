@@ -1,6 +1,7 @@
 """Limits in a file, and one line for each that is violated."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from fastswing_planner.analysis.checks import (
 )
 from fastswing_planner.analysis.figures_table import FIGURES
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
-from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.analysis.recording import Recording, TopicTimes
 from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.analysis.topic_timing import TopicTiming, topic_timing
 
@@ -77,6 +78,42 @@ def test_an_unknown_figure_violates_its_limit(recorded: Callable[..., Recording]
     )
 
 
+def test_without_an_inhibition_status_no_limit_of_rejections_is_kept(
+    recorded: Callable[..., Recording],
+) -> None:
+    (swing,) = measure_swings(recorded(status=None), FindingSettings())
+    assert checked({"each_swing": {"rejected": 0}}, swing).violations == (
+        LABEL + "joint states rejected is unknown, exactly 0 allowed",
+    )
+
+
+@pytest.mark.parametrize(("figure", "name"), [("velocity", "muscle_speed"), ("tension", "tension")])
+def test_the_largest_of_all_muscles_is_unknown_if_one_is(
+    figure: str, name: str, recorded: Callable[..., Recording]
+) -> None:
+    muscles = recorded().muscles
+    assert muscles is not None
+    values = getattr(muscles, figure).copy()
+    values[:, 2] = np.nan
+    (swing,) = measure_swings(
+        recorded(muscles=replace(muscles, **{figure: values})), FindingSettings()
+    )
+    (line,) = checked({"each_swing": {name: {"max": 999}}}, swing).violations
+    assert f"is unknown, at most 999 {FIGURES[name].unit} allowed" in line
+
+
+def test_the_fastest_of_all_joints_is_unknown_if_one_is(
+    recorded: Callable[..., Recording],
+) -> None:
+    joints = recorded().joints
+    velocity = joints.velocity.copy()
+    velocity[:, 0] = np.nan
+    (swing,) = measure_swings(
+        recorded(joints=replace(joints, velocity=velocity)), FindingSettings()
+    )
+    assert not checked({"each_swing": {"joint_speed": {"max": 999}}}, swing).passed
+
+
 def test_a_methods_limits_are_for_its_swings_only(swing: MeasuredSwing) -> None:
     strict = {"time": {"max": 0.1}}
     result = checked({"methods": {"inhibit": strict, "basic": strict}}, swing)
@@ -90,8 +127,50 @@ def test_the_number_of_swings_is_checked(swing: MeasuredSwing) -> None:
     assert checked({"swings": 3}, swing).violations == ("1 swings, exactly 3 allowed",)
 
 
-def test_without_any_swing_nothing_passes() -> None:
-    result = check(parse_limits({"each_swing": {"time": {"max": 1}}}), [], {})
+NO_SWING = "no swing: the limits of each_swing could not be tried"
+
+
+@pytest.mark.parametrize(
+    ("swings", "lines"),
+    [
+        ({}, (NO_SWING,)),
+        ({"swings": {"max": 2}}, ()),
+        ({"swings": 0}, ()),
+        ({"swings": {"min": 1}}, ("0 swings, at least 1 allowed", NO_SWING)),
+    ],
+)
+def test_limits_of_each_swing_are_not_kept_by_none_unless_none_is_allowed(
+    swings: Any, lines: tuple[str, ...], topics: dict[str, list[TopicTiming]]
+) -> None:
+    content = {"each_swing": {"time": {"max": 1}}, "topics": {"joint_states": {"gaps": 0}}}
+    assert check(parse_limits(content | swings), [], topics).violations == lines
+
+
+def test_without_limits_of_each_swing_there_may_be_none(
+    topics: dict[str, list[TopicTiming]],
+) -> None:
+    assert check(parse_limits({"topics": {"joint_states": {"gaps": 0}}}), [], topics).passed
+
+
+@pytest.mark.parametrize(
+    ("limits", "line"),
+    [
+        ({"joints": {"E-q": {"max": 2}}}, "unknown joint 'E-q', the bags hold: S-p, E-p"),
+        ({"tensions": {"#8": {"max": 2}}}, "unknown muscle '#8', the bags hold: #1, #9"),
+    ],
+)
+def test_a_misspelt_name_is_noticed_without_any_swing(limits: Any, line: str) -> None:
+    wanted = parse_limits({"swings": 0, "each_swing": limits})
+    assert check(wanted, [], {}, ("S-p", "E-p"), ("#1", "#9")).violations == (line,)
+
+
+def test_a_name_of_the_bags_is_right_without_any_swing() -> None:
+    wanted = parse_limits({"swings": 0, "each_swing": {"joints": {"E-p": {"max": 2}}}})
+    assert check(wanted, [], {}, ("S-p", "E-p")).passed
+
+
+def test_without_any_limit_tried_nothing_passes() -> None:
+    result = check(parse_limits({"topics": {"joint_states": {"gaps": 0}}}), [], {})
     assert (result.checked, result.passed) == (0, False)
 
 
@@ -109,6 +188,15 @@ def test_a_topic_that_is_missing_violates_its_limits(topics: dict[str, list[Topi
     limits = parse_limits({"topics": {"muscle_state": {"rate": {"min": 1}}}})
     assert check(limits, [], topics).violations == (
         "run.mcap: no topic 'muscle_state', the bag holds: /joint_states",
+    )
+
+
+@pytest.mark.parametrize(("count", "steady"), [(5, True), (50, False)])
+def test_gaps_that_were_never_looked_for_violate_their_limit(count: int, steady: bool) -> None:
+    times = TopicTimes("/plan", "t/msg/T", np.arange(count) / 10.0, steady=steady)
+    limits = parse_limits({"topics": {"plan": {"gaps": {"max": 9}}}})
+    assert check(limits, [], {"run.mcap": [topic_timing(times)]}).violations == (
+        "run.mcap /plan: gaps is unknown, at most 9 allowed",
     )
 
 
@@ -162,6 +250,26 @@ def test_the_file_is_named(tmp_path: Path) -> None:
         read_limits(path)
     with pytest.raises(LimitsFileError, match="cannot be read"):
         read_limits(tmp_path / "none.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "key"),
+    [
+        (
+            "each_swing: {time: {max: 1}}\nswings: 1\neach_swing: {tension: {max: 9}}",
+            3,
+            "each_swing",
+        ),
+        ("each_swing:\n  time: {max: 1}\n  time: {max: 2}", 3, "time"),
+        ("swings: {max: 1, max: 2}", 1, "max"),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(text: str, line: int, key: str, tmp_path: Path) -> None:
+    path = tmp_path / "limits.yaml"
+    path.write_text(text)
+    with pytest.raises(LimitsFileError) as caught:
+        read_limits(path)
+    assert str(caught.value) == f"{path}: line {line}: key '{key}' stands there a second time"
 
 
 def test_bounds_are_inclusive() -> None:

@@ -12,6 +12,7 @@ from fastswing_planner.analysis.comparison import Difference, compare, spread
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.swing_finding import FindingSettings
+from fastswing_planner.analysis.text_report import comparison_cells
 
 
 @pytest.fixture
@@ -31,24 +32,43 @@ def of_time(differences: Sequence[Difference]) -> Difference:
 
 
 Swings = Callable[..., list[MeasuredSwing]]
-SLOW = [0.9, 0.91, 0.92, 0.93]
-FAST = [0.7, 0.71, 0.72, 0.73]
+SLOW = [0.9, 0.91, 0.92, 0.93, 0.94, 0.95]
+FAST = [0.7, 0.71, 0.72, 0.73, 0.74, 0.75]
 
 
 def test_groups_that_do_not_overlap_differ(swings: Swings) -> None:
     found = of_time(compare(swings(SLOW), swings(FAST)))
     assert found.verdict == "different"
     assert found.change == pytest.approx(-0.2)
-    # 2 of the 70 ways to divide eight values into fours.
-    assert found.p_value == pytest.approx(2 / 70)
+    # 2 of the 924 ways to divide twelve values into sixes, and one of seven figures.
+    assert found.p_value == pytest.approx(7 * 2 / 924)
 
 
 def test_equal_groups_show_no_difference(swings: Swings) -> None:
     assert of_time(compare(swings(SLOW), swings(SLOW))).verdict == "no difference shown"
 
 
-def test_three_against_three_can_never_tell(swings: Swings) -> None:
-    assert of_time(compare(swings(SLOW[:3]), swings(FAST[:3]))).verdict == "too few swings to tell"
+@pytest.mark.parametrize("count", [3, 5])
+def test_five_against_five_can_never_tell_by_seven_figures(swings: Swings, count: int) -> None:
+    found = of_time(compare(swings(SLOW[:count]), swings(FAST[:count])))
+    assert found.verdict == "too few swings to tell"
+
+
+def test_each_method_is_adjusted_for_its_own_figures_only(swings: Swings) -> None:
+    alone = of_time(compare(swings(SLOW), swings(FAST)))
+    both = compare(
+        swings(SLOW) + swings(SLOW, "basic"),
+        swings(FAST) + swings(FAST, "basic"),
+    )
+    assert of_time([one for one in both if one.method == "basic"]).p_value == alone.p_value
+
+
+def test_swings_that_did_not_arrive_are_told(swings: Swings) -> None:
+    found = of_time(compare(swings(SLOW), swings([*FAST, np.nan, np.nan])))
+    assert (found.second.count, found.second.total) == (6, 8)
+    first, second = comparison_cells(found)[2:4]
+    assert first.endswith("), 6")
+    assert second.endswith("), 6 of 8 arrived")
 
 
 def test_a_figure_that_one_group_lacks_is_named_so(swings: Swings) -> None:
@@ -70,5 +90,5 @@ def test_groups_of_different_methods_are_compared_as_wholes(swings: Swings) -> N
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=20))
 def test_a_spread_is_in_order(values: list[float]) -> None:
     found = spread([*values, np.nan])
-    assert found.count == len(values)
+    assert (found.count, found.total) == (len(values), len(values) + 1)
     assert found.least <= found.low <= found.median <= found.high <= found.most

@@ -60,6 +60,34 @@ def test_boards_that_never_let_go_are_counted(recorded: Recorded) -> None:
     assert (latency.values.size, latency.missing) == (0, 2)
 
 
+def test_how_long_it_took_at_the_longest_is_unknown_if_one_muscle_never_let_go(
+    recorded: Recorded,
+) -> None:
+    _, muscles = parts(recorded())
+    mode = muscles.mode.copy()
+    mode[:, muscles.names.index("#10")] = 3
+    latency = measured(recorded(muscles=replace(muscles, mode=mode)))
+    for one in (latency.override_to_zero, latency.state_to_zero):
+        assert (one.values.size, one.missing) == (1, 1)
+        assert np.isnan([one.longest, one.p99]).all()
+
+
+def test_how_long_it_took_at_the_longest_is_unknown_if_a_clock_jumped(recorded: Recorded) -> None:
+    overrides, _ = parts(recorded())
+    stamp = overrides.stamp.copy()
+    stamp[0] += 5.0
+    latency = measured(recorded(overrides=replace(overrides, stamp=stamp)))
+    assert np.isnan(latency.state_to_override.p99)
+    assert np.isnan(latency.state_to_zero.longest)
+
+
+def test_a_muscle_without_states_never_let_go(recorded: Recorded) -> None:
+    overrides, _ = parts(recorded())
+    named = replace(overrides, muscles=(("#9", "#77"),) * len(overrides.muscles))
+    latency = measured(recorded(overrides=named)).override_to_zero
+    assert (latency.values.size, latency.missing) == (1, 1)
+
+
 def test_boards_that_were_faster_than_the_recorder_took_no_time(recorded: Recorded) -> None:
     overrides, _ = parts(recorded())
     late = replace(overrides, received=overrides.received + 0.02)

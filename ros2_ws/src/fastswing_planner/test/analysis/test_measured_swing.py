@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
-from fastswing_planner.analysis.recording import JointSpeed, Recording
+from fastswing_planner.analysis.recording import CommandSeries, JointSpeed, Recording
 from fastswing_planner.analysis.swing_finding import FindingSettings
 
 Recorded = Callable[..., Recording]
@@ -152,7 +152,44 @@ def test_half_a_swing_says_so_and_has_no_time(recorded: Recorded) -> None:
     assert ended.notes[0] == (
         "half a swing: the recording ends, or has a gap, before the arm rested"
     )
-    assert np.isnan(ended.arrival)
+    assert np.isnan([begun.arrival, ended.arrival]).all()
+
+
+def test_a_pause_of_joint_states_in_a_swing_is_told(recorded: Recorded) -> None:
+    whole = recorded()
+    time = whole.joints.time
+    kept = np.flatnonzero((time <= 4.5) | (time >= 4.75))
+    joints = replace(
+        whole.joints,
+        row=np.arange(kept.size),
+        time=time[kept],
+        position=whole.joints.position[kept],
+        velocity=whole.joints.velocity[kept],
+    )
+    swing = only(
+        recorded(joints=joints, speed=JointSpeed(time[kept], whole.speed.speed[kept], "E-p"))
+    )
+    assert swing.notes == (
+        "no joint speed is known for 0.25 s of it: peaks and a rest may be missed, "
+        "its time may be too long",
+    )
+    assert swing.arrival == pytest.approx(only(whole).arrival)
+
+
+def test_two_motions_after_one_command_are_not_both_commanded(recorded: Recorded) -> None:
+    whole = recorded()
+    time = whole.joints.time
+    # The arm rests 0.25 s halfway.
+    still = (time > 4.4) & (time < 4.65)
+    velocity, speed = whole.joints.velocity.copy(), whole.speed.speed.copy()
+    velocity[still], speed[still] = 0.0, 0.0
+    recording = recorded(
+        joints=replace(whole.joints, velocity=velocity),
+        speed=JointSpeed(time, speed, "E-p"),
+        commands=CommandSeries(np.array([4.35]), np.array([0.2])),
+    )
+    swings = measure_swings(recording, FindingSettings())
+    assert [swing.commanded for swing in swings] == [True, False]
 
 
 def test_without_muscle_states_the_joints_are_still_measured(recorded: Recorded) -> None:
@@ -182,6 +219,17 @@ def test_only_the_states_around_a_swing_are_needed(recorded: Recorded) -> None:
 def test_what_the_inhibitor_rejected_and_why_it_ended(recorded: Recorded) -> None:
     swing = only(recorded())
     assert (swing.rejected, swing.ended) == (2, "the goal was reached")
+
+
+def test_what_the_inhibitor_rejected_is_unknown_without_its_status(recorded: Recorded) -> None:
+    assert np.isnan(only(recorded(status=None)).rejected)
+
+
+def test_what_the_inhibitor_rejected_is_unknown_if_it_was_not_armed(recorded: Recorded) -> None:
+    status = recorded().status
+    assert status is not None
+    unarmed = replace(status, armed=np.zeros_like(status.armed))
+    assert np.isnan(only(recorded(status=unarmed)).rejected)
 
 
 def test_faulty_muscles_are_named(recorded: Recorded) -> None:

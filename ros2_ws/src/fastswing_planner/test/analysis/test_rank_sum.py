@@ -10,6 +10,7 @@ from scipy import stats
 
 from fastswing_planner.analysis.rank_sum import (
     EXACT_COUNT,
+    holm,
     least_p_value,
     midranks,
     rank_sum_p_value,
@@ -57,6 +58,24 @@ def test_many_values_use_the_normal_approximation() -> None:
 def test_no_samples_of_these_sizes_have_a_smaller_p_value(first: int, second: int) -> None:
     apart = rank_sum_p_value(list(range(first)), list(range(100, 100 + second)))
     assert apart == pytest.approx(least_p_value(first, second))
+
+
+def test_of_several_tests_the_smallest_counts_as_many_times_as_there_are_tests() -> None:
+    assert holm([0.04, 0.01, 0.03]) == pytest.approx([0.06, 0.03, 0.06])
+
+
+def test_an_unknown_p_value_is_no_test() -> None:
+    assert holm([0.02, np.nan, 0.04]) == pytest.approx([0.04, np.nan, 0.04], nan_ok=True)
+
+
+@given(st.lists(st.floats(0.0, 1.0), max_size=8))
+def test_adjusted_p_values_keep_their_order_and_are_between_bonferronis_and_their_own(
+    p_values: list[float],
+) -> None:
+    adjusted = np.array(holm(p_values))
+    assert np.all(adjusted >= p_values)
+    assert np.all(adjusted <= np.minimum(1.0, len(p_values) * np.array(p_values)))
+    assert np.all(np.diff(adjusted[np.argsort(p_values, kind="stable")]) >= 0.0)
 
 
 def test_an_empty_sample_has_no_p_value() -> None:

@@ -68,6 +68,41 @@ def test_a_gap_cuts_a_motion() -> None:
     assert after.begins_cut
 
 
+def without(time: Vector, speed: Vector, begin: float, end: float) -> tuple[Vector, Vector]:
+    """Return both without the states between two times [s]."""
+    kept = (time <= begin) | (time >= end)
+    return time[kept], speed[kept]
+
+
+@pytest.mark.parametrize("hole", [0.22, 0.45])
+def test_a_pause_of_joint_states_is_no_rest(hole: float) -> None:
+    time, speed = speeds((1, 0.0), (1, 2.0), (1, 0.0))
+    time, speed = without(time, speed, 1.3, 1.3 + hole)
+    (burst,) = find_bursts(time, speed, [], SETTINGS)
+    assert burst.hole == pytest.approx(hole)
+    assert (time[burst.first], time[burst.last]) == pytest.approx((1.0, 1.99))
+
+
+def test_a_rest_is_seen_for_all_of_its_time() -> None:
+    time, speed = speeds((1, 0.0), (0.5, 2.0), (0.3, 0.0), (0.5, 2.0), (1, 0.0))
+    assert len(find_bursts(*without(time, speed, 1.6, 1.72), [], SETTINGS)) == 1
+
+
+def test_a_rest_in_which_a_few_states_are_missing_is_a_rest() -> None:
+    time, speed = speeds((1, 0.0), (0.5, 2.0), (0.3, 0.0), (0.5, 2.0), (1, 0.0))
+    bursts = find_bursts(*without(time, speed, 1.6, 1.65), [], SETTINGS)
+    assert [burst.hole for burst in bursts] == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0.8, 1.2), (1.8, 2.2)])
+def test_a_pause_beside_a_motion_belongs_to_it(begin: float, end: float) -> None:
+    time, speed = speeds((1, 0.0), (1, 2.0), (1, 0.0))
+    time, speed = without(time, speed, begin, end)
+    (burst,) = find_bursts(time, speed, [], SETTINGS)
+    assert burst.hole == pytest.approx(end - begin)
+    assert begin >= time[burst.first] or end <= time[burst.last]
+
+
 def test_a_clock_that_jumps_back_cuts_a_motion() -> None:
     time, speed = speeds((1, 0.0), (1, 2.0), (1, 0.0))
     time = np.where(time >= 1.5, time - 100.0, time)
@@ -80,9 +115,15 @@ def test_stamps_that_run_backwards_by_a_millisecond_cut_nothing() -> None:
     assert len(find_bursts(time, speed, [], SETTINGS)) == 1
 
 
-def test_unknown_speeds_are_rest() -> None:
+def test_unknown_speeds_are_no_motion() -> None:
     time, speed = speeds((1, 0.0), (1, np.nan), (1, 0.0))
     assert find_bursts(time, speed, [], SETTINGS) == []
+
+
+def test_unknown_speeds_are_no_rest() -> None:
+    time, speed = speeds((1, 0.0), (0.5, 2.0), (0.3, np.nan), (0.5, 2.0), (1, 0.0))
+    (burst,) = find_bursts(time, speed, [], SETTINGS)
+    assert (time[burst.first], time[burst.last]) == pytest.approx((1.0, 2.29))
 
 
 def test_no_joint_state_is_no_swing() -> None:
@@ -131,6 +172,12 @@ def test_armed_is_from_the_first_message_that_says_so_to_the_first_that_does_not
 def test_the_swings_command_is_the_largest_step_shortly_before_its_motion() -> None:
     commands = CommandSeries(np.array([1.0, 3.8, 3.9, 7.0]), np.array([0.5, 0.01, 0.2, 0.9]))
     assert swing_command(commands, begin=4.0, fastest=4.5) == 3.9
+
+
+def test_a_command_begins_one_swing() -> None:
+    commands = CommandSeries(np.array([3.8, 3.9]), np.array([0.2, 0.1]))
+    assert swing_command(commands, begin=4.0, fastest=4.5, after=3.8) == 3.9
+    assert swing_command(commands, begin=4.0, fastest=4.5, after=3.9) is None
 
 
 @pytest.mark.parametrize("step", [0.0, 5e-4])

@@ -50,6 +50,11 @@ def test_pauses_of_a_topic_that_comes_as_needed_are_no_gaps() -> None:
     assert timing([0.0, 0.1, 5.0, 5.1] * 5, steady=False).gaps == ()
 
 
+@pytest.mark.parametrize(("count", "steady"), [(9, False), (10, True)])
+def test_of_few_messages_nobody_can_tell_a_gap(count: int, steady: bool) -> None:
+    assert timing(GRID[:count]).steady == steady
+
+
 def test_a_clock_that_runs_backwards_is_counted_and_does_not_spoil_the_rate() -> None:
     found = timing(np.concatenate([GRID, GRID]))
     assert (found.jumps, found.rate) == (1, pytest.approx(100.0))
