@@ -159,6 +159,11 @@ class Bench:
         self.start(name)
         self.suite.wait_for_state(name, State.PRIMARY_STATE_ACTIVE)
 
+    def control_processes(self) -> list[int]:
+        """Return the process in which the bridge runs its control loop, or nothing."""
+        node = self.suite.processes["bridge"].pid
+        return [int(one) for one in Path(f"/proc/{node}/task/{node}/children").read_text().split()]
+
     def go_on(self, name: str) -> None:
         """Let a stopped node go on."""
         self.suite.processes[name].send(signal.SIGCONT)
@@ -201,6 +206,8 @@ class Bench:
         for name in NODES:
             process = suite.processes[name]
             process.send(signal.SIGCONT)
+            if name == "bridge" and process.running and not self.control_processes():
+                self.kill(name, signal.SIGINT)
             if not process.running:
                 self.start(name)
         for name in NODES:

@@ -71,9 +71,8 @@ def end_or_stop(bench: Bench, node: str, signal_number: int) -> None:
 
 def end_or_stop_control(bench: Bench, signal_number: int) -> None:
     """Send a signal to the process in which the bridge runs its control loop."""
-    node = bench.suite.processes["bridge"].pid
-    (control,) = Path(f"/proc/{node}/task/{node}/children").read_text().split()
-    os.kill(int(control), signal_number)
+    (control,) = bench.control_processes()
+    os.kill(control, signal_number)
 
 
 def end_and_restart(bench: Bench, node: str) -> None:
