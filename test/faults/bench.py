@@ -1,6 +1,7 @@
 """All nodes running, a way to any phase of a swing, and a way back to a sound arm."""
 
 import math
+import os
 import re
 import signal
 import time
@@ -206,8 +207,8 @@ class Bench:
         for name in NODES:
             process = suite.processes[name]
             process.send(signal.SIGCONT)
-            if name == "bridge" and process.running and not self.control_processes():
-                self.kill(name, signal.SIGINT)
+            if name == "bridge" and process.running:
+                self._mend_control_process()
             if not process.running:
                 self.start(name)
         for name in NODES:
@@ -221,6 +222,13 @@ class Bench:
         suite.fresh_muscles()
         suite.hold()
         suite.trigger("disarm_inhibitor")
+
+    def _mend_control_process(self) -> None:
+        """Let it go on; end a bridge without one."""
+        for control in self.control_processes():
+            os.kill(control, signal.SIGCONT)
+        if not self.control_processes():
+            self.kill("bridge", signal.SIGINT)
 
     def wait_for_idle(self) -> None:
         """Wait until the swing has ended, or its executor says so: its result can be lost."""
