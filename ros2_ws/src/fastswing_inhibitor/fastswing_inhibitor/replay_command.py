@@ -12,6 +12,7 @@ from fastswing_inhibitor.replay import WhatIf, replay
 from fastswing_inhibitor.replay_text import replay_text
 from fastswing_planner.bag import open_bag
 from fastswing_planner.errors import InvalidLimit, PlannerError
+from fastswing_planner.printing import say
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
 
@@ -52,7 +53,7 @@ def _replay(options: argparse.Namespace) -> int:
     what_if = WhatIf(options.threshold, options.velocity_limit)
     found = replay(bag, robot.model, robot.limits.velocity, settings, what_if, options.prefix)
     changed = _changes(options)
-    print(replay_text(found, bag.start_ns, changed))
+    say(replay_text(found, bag.start_ns, changed))
     for line in bag.warnings:
         print(f"warning: {line}", file=sys.stderr)
     return 0 if found.agrees or changed else 1

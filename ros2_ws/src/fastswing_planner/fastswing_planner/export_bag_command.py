@@ -8,6 +8,7 @@ from pathlib import Path
 from fastswing_planner.bag import Bag, open_bag
 from fastswing_planner.bag_errors import BagError, NoHeader, UndecodableMessage, one_line
 from fastswing_planner.bag_export import FORMATS, write_table
+from fastswing_planner.printing import say
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -55,7 +56,7 @@ def _export(bag: Bag, options: argparse.Namespace) -> None:
             print(f"left out: {error}", file=sys.stderr)
             continue
         write_table(columns, path, options.format)
-        print(f"{path}: {columns.count} messages")
+        say(f"{path}: {columns.count} messages")
     for line in bag.warnings:
         print(f"warning: {line}", file=sys.stderr)
 

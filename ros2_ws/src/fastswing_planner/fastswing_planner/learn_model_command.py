@@ -20,6 +20,7 @@ from fastswing_planner.length_correction import (
 )
 from fastswing_planner.mujoco_model import MujocoMuscleModel
 from fastswing_planner.muscle_samples import MuscleSamples, muscle_samples
+from fastswing_planner.printing import say
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
 
@@ -66,8 +67,8 @@ def _learn(options: argparse.Namespace) -> None:
     correction, before = learned(robot, samples)
     save_correction(correction, output.with_suffix(".npz"), mjcf_hash(robot.mjcf))
     write_description(robot, output)
-    print(report(correction, before, samples))
-    print(f"written: {output}, {output.with_suffix('.npz')}")
+    say(report(correction, before, samples))
+    say(f"written: {output}, {output.with_suffix('.npz')}")
     for line in bag.warnings:
         print(f"warning: {line}", file=sys.stderr)
 

@@ -21,6 +21,7 @@ from fastswing_planner.errors import (
 from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
+from fastswing_planner.printing import say
 from fastswing_planner.qp_solvers import SOLVERS, solver_from
 from fastswing_planner.request import (
     Method,
@@ -73,9 +74,9 @@ def _plan(arguments: argparse.Namespace) -> None:
             raise InvalidRequest(f"--plot: {error}") from error
     if arguments.json:
         record = {"plan": plan_record(plan), "comparison": comparison_record(comparison)}
-        print(json.dumps(record, allow_nan=False))
+        say(json.dumps(record, allow_nan=False))
     else:
-        print(plan_text(plan, comparison))
+        say(plan_text(plan, comparison))
 
 
 def _request(arguments: argparse.Namespace, robot: Robot) -> SwingRequest:

@@ -6,7 +6,6 @@ ros2 run fastswing_planner analyse --compare A B [--output FOLDER]
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,6 +33,7 @@ from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.analysis.text_report import check_text, comparison_text, findings_text
 from fastswing_planner.bag import BagError, open_bag
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError
+from fastswing_planner.printing import say
 from fastswing_planner.robot import load_robot
 
 _Comparison = tuple[Sequence[Difference], dict[str, bytes]]
@@ -259,9 +259,9 @@ def _run(
         if arguments.json:
             differences = comparison[0] if comparison is not None else ()
             record = findings_record(found.findings, limits, result, differences)
-            _print(_json(record))
+            say(_json(record))
         else:
-            _print(_text(found.findings, limits, comparison, groups, result))
+            say(_text(found.findings, limits, comparison, groups, result))
     if arguments.output is not None and found.findings:
         try:
             written = _write(
@@ -277,7 +277,7 @@ def _run(
             print(f"analyse: cannot write {arguments.output}: {error}", file=sys.stderr)
             return UNUSABLE
         if not arguments.json:
-            _print(f"\nwritten: {written[0]} and {len(written) - 1} more files beside it")
+            say(f"\nwritten: {written[0]} and {len(written) - 1} more files beside it")
     if found.errors:
         return UNUSABLE
     return VIOLATED if result is not None and not result.passed else PASSED
@@ -286,15 +286,6 @@ def _run(
 def _json(record: dict[str, Any]) -> str:
     """Return a record as JSON, which has no word for NaN: unknown is null already."""
     return json.dumps(record, indent=2, allow_nan=False)
-
-
-def _print(text: str) -> None:
-    """Print, also to a reader that has seen enough, such as `head`."""
-    try:
-        print(text, flush=True)
-    except BrokenPipeError:
-        # Python would complain once more when it flushes at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _text(
