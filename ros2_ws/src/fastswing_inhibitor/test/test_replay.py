@@ -48,14 +48,14 @@ class BentArm:
     joint_upper = frozen([10.0, 10.0])
 
     def lengths(self, joint_position: Vector) -> Vector:
-        raise NotImplementedError
+        raise NotImplementedError  # replay needs the Jacobian alone
 
     def jacobian(self, joint_position: Vector) -> Matrix:
         a, b = joint_position
         return frozen([[np.cos(a), 0.1], [-0.5, np.sin(b)], [0.3 * b, -np.cos(a + b)]])
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
-        raise NotImplementedError
+        raise NotImplementedError  # replay needs the Jacobian alone
 
 
 def stamp(time_ns: int) -> Header:
