@@ -1,16 +1,17 @@
 """A ratio counts as worse when three runs out of three say so."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import pytest
-from regression import accept, load_accepted, ratios_of, still_worse, worse
+from regression import Ratios, accept, load_accepted, ratios_of, still_worse, worse
 from rounds import Row, in_turns, ratios, row
 
 ACCEPTED = {"planner": {"plan": 0.4, "cold": 1.0}, "bags": {"read": 0.1}}
 
 
-def measuring(runs: Sequence[float], asked: list[list[str]]) -> Callable[..., dict]:  # type: ignore[type-arg]
+def measuring(runs: Sequence[float], asked: list[list[str]]) -> Callable[[Sequence[str]], Ratios]:
     """Return a measurement whose ratio of `plan` is the next of `runs`."""
     left = list(runs)
 
@@ -88,8 +89,12 @@ def test_rows_without_a_baseline_have_no_ratio() -> None:
 
 def test_programs_take_turns() -> None:
     order: list[str] = []
-    programs = {name: lambda name=name: order.append(name) or [1.0] for name in "AB"}
-    in_turns(programs, 3)  # type: ignore[arg-type]
+
+    def program(name: str) -> list[float]:
+        order.append(name)
+        return [1.0]
+
+    in_turns({name: partial(program, name) for name in "AB"}, 3)
     assert order == list("ABABAB")
 
 

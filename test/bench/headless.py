@@ -2,6 +2,7 @@
 
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -40,7 +41,7 @@ def run(scale: float, plots: Path | None = None) -> list[Row]:
         for muscles, joints in SIZES if scale >= 0.1 else SIZES[:1]:
             arm = load_robot(write_limbed_arm(Path(folder), muscles, joints))
             found = in_turns(
-                {"periods": lambda arm=arm: held(arm, 0.2), ALONE: lambda arm=arm: alone(arm, 0.2)},
+                {"periods": partial(held, arm, 0.2), ALONE: partial(alone, arm, 0.2)},
                 max(2, rounds),
             )
             title = f"frames, boards and arm, {muscles} muscles, {joints} joints"
@@ -62,8 +63,8 @@ def _swing_rows(robot: Robot, rounds: int) -> list[Row]:
         plan = planner.plan(SwingRequest(robot.postures["start"], robot.postures["end"], method))
         found = in_turns(
             {
-                "loop": lambda plan=plan: swung(robot, planner, plan),
-                ALONE: lambda: alone(robot, 1.0),
+                "loop": partial(swung, robot, planner, plan),
+                ALONE: partial(alone, robot, 1.0),
             },
             rounds,
         )

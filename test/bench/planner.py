@@ -7,6 +7,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -87,11 +88,16 @@ def _library_rows(robot: Robot, rounds: int, count: int) -> list[Row]:
         calls[f"{PLAIN}, paper only"] = plain(robot, elongate, whole=False)
         found = _in_turns(calls, rounds, count)
         for name, samples in found.items():
-            bounds: dict[str, float] = {}
-            if not elongate and name in SOLVERS:
-                bounds = {"at_most": _MOST_MS[name], "ratio_at_most": 0.5}
-            against = None if name == PLAIN else (PLAIN, found[PLAIN])
-            rows.append(row(f"{title}, {name}", samples, against=against, **bounds))
+            judged = not elongate and name in SOLVERS
+            rows.append(
+                row(
+                    f"{title}, {name}",
+                    samples,
+                    against=None if name == PLAIN else (PLAIN, found[PLAIN]),
+                    at_most=_MOST_MS[name] if judged else None,
+                    ratio_at_most=0.5 if judged else None,
+                )
+            )
     calls = {
         solver: library(robot, solver, method=Method.ELONGATE, search=Search.EXHAUSTIVE)
         for solver in SOLVERS
@@ -123,7 +129,7 @@ def _cold_rows(robot: Robot, count: int) -> list[Row]:
             for _ in range(count)
         ]
         title = f"first plan of a process, {solver}"
-        rows.append(row(title, in_turns({solver: lambda s=samples: s}, 1)[solver], at_most=300.0))
+        rows.append(row(title, [np.array(samples)], at_most=300.0))
     return rows
 
 
@@ -220,7 +226,7 @@ def _growth(scale: float) -> Grown:
                 for solver in SOLVERS
             }
             peer = PlainPlanner(robot, time_step=step)
-            calls[PLAIN] = lambda peer=peer: peer.plan(elongate=True)
+            calls[PLAIN] = partial(peer.plan, True)
             for name, samples in _in_turns(calls, rounds, 1).items():
                 grown[name][muscles, joints, step] = samples
     return grown
