@@ -33,7 +33,7 @@ def write_big_arm(folder: Path, muscles: int = 74, joints: int = 33) -> Path:
     if muscles < 2 * joints:
         raise ValueError(f"{muscles} muscles for {joints} joints, expected at least {2 * joints}")
     bodies = "".join(_LINK.format(i=i, y=0.03 * i) for i in range(joints))
-    ways = [(f"above{i}", f"upper{i}") for i in range(joints)]
+    ways: list[tuple[str, ...]] = [(f"above{i}", f"upper{i}") for i in range(joints)]
     ways += [(f"below{i}", f"lower{i}") for i in range(joints)]
     for extra in range(muscles - 2 * joints):
         first = extra % (joints - 1)

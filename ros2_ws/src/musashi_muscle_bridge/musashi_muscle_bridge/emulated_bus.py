@@ -70,8 +70,9 @@ class EmulatedBus:
                 if self.on_answer is not None:
                     self.on_answer(served)
                 self.port.send(answer, sender)
-        for command in taken if self.on_command is not None else ():
-            self.on_command(now, command)
+        if self.on_command is not None:
+            for command in taken:
+                self.on_command(now, command)
 
     @property
     def lost(self) -> int:
