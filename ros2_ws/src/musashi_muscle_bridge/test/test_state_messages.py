@@ -42,7 +42,7 @@ measurements = st.builds(
 
 def content(message: Any) -> dict[str, Any]:
     """Return all fields, numbers as bytes: a NaN is as good as the same NaN."""
-    found = {}
+    found: dict[str, Any] = {}
     for field in message.get_fields_and_field_types():
         value = getattr(message, field)
         if field == "name":
