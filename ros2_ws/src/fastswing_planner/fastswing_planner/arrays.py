@@ -19,6 +19,20 @@ def frozen(values: ArrayLike) -> Vector:
     return array
 
 
+def made_frozen(array: Vector) -> Vector:
+    """Return `array` itself, made read-only; for one that was just made and nobody else holds."""
+    array.flags.writeable = False
+    return array
+
+
+def contiguous(indices: NDArray[np.integer]) -> NDArray[np.integer] | slice:
+    """Return indices that follow each other as a slice, which copies nothing; others unchanged."""
+    first = int(indices[0]) if len(indices) else 0
+    if np.array_equal(indices, np.arange(first, first + len(indices))):
+        return slice(first, first + len(indices))
+    return indices
+
+
 def frozen_flags(values: ArrayLike) -> NDArray[np.bool_]:
     """Return a read-only copy of `values` as booleans."""
     array = np.array(values, dtype=np.bool_)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector
+from fastswing_planner.arrays import Matrix, Vector, contiguous
 from fastswing_planner.errors import RobotDescriptionError
 
 _LEFT_OVER = 1e-6  # [m/rad, rad/rad]
@@ -32,6 +32,9 @@ class JointCoupling:
     """Extends the positions of n chosen joints to all of a model's.
 
     Joints that follow a chosen one follow it here too; all others stay at `reference`.
+
+    chosen_dofs  where the chosen joints stand among MuJoCo's velocities, if none follows another:
+                 the product with the rates is then a choice of columns. None: it is not.
     """
 
     def __init__(self, model: mujoco.MjModel, joints: Sequence[int], reference: Vector) -> None:
@@ -54,6 +57,7 @@ class JointCoupling:
         self._chosen_rates = np.zeros((model.nv, len(joints)))
         self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
         self._chosen_rates.setflags(write=False)
+        self.chosen_dofs = None if followers else contiguous(model.jnt_dofadr[joints])
 
     @property
     def followers(self) -> frozenset[int]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector, frozen, unique_known
+from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.mjcf_names import (
@@ -61,6 +61,7 @@ class MujocoMuscleModel:
         bodies = object_names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
         self.body_names = tuple(name for name in bodies if name)
         self._tendons = tendon_indices(model, self.muscle_names)
+        self._tendon_rows = contiguous(self._tendons)
         joints = joint_indices(model, self.joint_names)
         limited = model.jnt_limited[joints].astype(bool)
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
@@ -107,8 +108,10 @@ class MujocoMuscleModel:
         """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
         mujoco.mj_tendon(self._model, self._data)
-        arms = tendon_jacobian(self._model, self._data)[self._tendons] @ rates
-        return frozen(np.where(np.abs(arms) < _SMALLEST_ARM, 0.0, arms))
+        dof_arms = tendon_jacobian(self._model, self._data)[self._tendon_rows]
+        columns = self._coupling.chosen_dofs
+        arms = dof_arms @ rates if columns is None else dof_arms[:, columns]
+        return made_frozen(np.where(np.abs(arms) < _SMALLEST_ARM, 0.0, arms))
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

@@ -2,14 +2,15 @@
 
 In a serialised message the place of everything follows from the lengths before it (`cdr_layout`).
 So messages whose texts and lengths agree have their numbers at the same places, and a node that
-sends or gets the same kind of message a thousand times a second needs the middleware's conversion
-for the first one only. Every message read is compared with the one whose places were learned; what
-differs in anything but numbers takes the ordinary way.
+sends or gets a message a thousand times a second needs the middleware's conversion for the first
+one only. Every message read is compared with the one whose places were learned; what differs in
+anything but numbers takes the ordinary way.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, Generic, TypeVar
+from types import SimpleNamespace
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -58,51 +59,88 @@ class MessageTemplate:
 
 
 class RawReader(Generic[Message]):
-    """Reads some numbers of serialised messages of one type."""
+    """Reads serialised messages of one type.
+
+    ordinary  how many were read the ordinary way
+    """
 
     def __init__(self, message_type: type[Message], fields: Sequence[str]) -> None:
-        """Read `fields`, paths such as 'header.stamp.sec' or 'position'.
+        """Read all texts, and of the numbers `fields`: 'header.stamp.sec', 'position', ...
 
         Raises KeyError for a path that is no number of the type.
         """
+        self.ordinary = 0
         self._type = message_type
         self._fields = tuple(fields)
         self._size = -1  # no message's
         self._mask = self._fixed = 0
         self._record_type = np.dtype([])
+        self._plain = _Part({}, (), ())
         # An empty message tells about a wrong path now, not in a callback.
         _record_type(layout_of(_schema(message_type), serialize_message(message_type())), fields)
 
-    def numbers(self, data: bytes) -> np.void | None:
-        """Return the numbers by field if `data` differs from the last `message` in numbers only.
+    def read(self, data: bytes) -> Message | SimpleNamespace:
+        """Return the message; raises InvalidRequest for bytes that are none.
 
-        Arrays are read-only views of `data`. None: `message` has to read this one.
+        If `data` differs from the last message that took the ordinary way in numbers only, it is a
+        plain object with the same attributes: arrays are read-only views of `data`, texts those of
+        that message, and numbers that are not among the fields are missing.
         """
-        if len(data) != self._size:
-            return None
         # As one long number the bytes are compared in a single step.
-        if int.from_bytes(data, "little") & self._mask != self._fixed:
-            return None
-        record: np.void = np.frombuffer(data, self._record_type)[0]
-        return record
+        if len(data) == self._size and (int.from_bytes(data, "little") & self._mask == self._fixed):
+            return self._plain.of(np.frombuffer(data, self._record_type)[0])
+        self.ordinary += 1
+        return self._learned(data)
 
-    def message(self, data: bytes) -> Message:
-        """Return the message, converted by the middleware, and learn where its numbers stand.
-
-        Raises InvalidRequest for bytes that are no such message.
-        """
+    def _learned(self, data: bytes) -> Message:
+        """Return the message, converted by the middleware, and learn where its numbers stand."""
         try:
             # First, so that no damaged length makes the middleware reserve memory for it.
             layout = layout_of(_schema(self._type), data)
             message: Message = deserialize_message(data, self._type)
-        except (UndecodableMessage, RuntimeError) as error:
+        except (UndecodableMessage, RuntimeError, UnicodeError) as error:
             raise InvalidRequest(f"undecodable message: {error}") from error
         self._record_type = _record_type(layout, self._fields)
-        fixed = np.where(_at(layout.size, _text_places(layout)), 0xFF, 0).astype(np.uint8)
-        self._mask = int.from_bytes(fixed.tobytes(), "little")
+        self._plain = _part(message, "", self._fields)
+        mask = np.where(_at(layout.size, _text_places(layout)), 0xFF, 0).astype(np.uint8)
+        # A truth value is 0 or 1; the middleware refuses others.
+        truths = (leaf for leaf in layout.leaves if leaf.type_name == "bool")
+        mask[[place for leaf in truths for place in _places(leaf, 1)]] = 0xFE
+        self._mask = int.from_bytes(mask.tobytes(), "little")
         self._fixed = int.from_bytes(data, "little") & self._mask
         self._size = layout.size
         return message
+
+
+class _Part(NamedTuple):
+    """How one message within a message becomes a plain object."""
+
+    texts: Mapping[str, Any]
+    numbers: Sequence[tuple[str, str]]
+    parts: Sequence[tuple[str, "_Part"]]
+
+    def of(self, record: np.void) -> SimpleNamespace:
+        plain = SimpleNamespace(**self.texts)
+        for name, field in self.numbers:
+            value = record[field]
+            # A number of numpy's overflows where one of Python's does not.
+            plain.__dict__[name] = value if isinstance(value, np.ndarray) else value.item()
+        for name, part in self.parts:
+            plain.__dict__[name] = part.of(record)
+        return plain
+
+
+def _part(message: Any, prefix: str, fields: Sequence[str]) -> _Part:
+    texts, numbers, parts = {}, [], []
+    for name, type_name in message.get_fields_and_field_types().items():
+        path = f"{prefix}{name}"
+        if "/" in type_name:
+            parts.append((name, _part(getattr(message, name), f"{path}.", fields)))
+        elif path in fields:
+            numbers.append((name, path))
+        elif "string" in type_name:
+            texts[name] = getattr(message, name)
+    return _Part(texts, numbers, parts)
 
 
 def _schema(message_type: type) -> Schema:
