@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector, frozen, selection, unique_known
+from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.mjcf_names import (
@@ -61,12 +61,12 @@ class MujocoMuscleModel:
         self.muscle_names = tuple(muscle_names)
         bodies = object_names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
         self.body_names = tuple(name for name in bodies if name)
-        self._tendons = selection(tendon_indices(model, self.muscle_names))
+        self._tendons = contiguous(tendon_indices(model, self.muscle_names))
         joints = joint_indices(model, self.joint_names)
         limited = model.jnt_limited[joints].astype(bool)
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
-        self._dofs = selection(model.jnt_dofadr[joints])
+        self._dofs = contiguous(model.jnt_dofadr[joints])
         # Views of MuJoCo's memory: looked up once.
         self._path_length = self._data.ten_length
         self._sparse = (
@@ -127,8 +127,7 @@ class MujocoMuscleModel:
         rows = dense[self._tendons]
         arms = rows @ rates if self._coupling.followers else rows[:, self._dofs]
         arms[np.abs(arms) < _SMALLEST_ARM] = 0.0
-        arms.setflags(write=False)
-        return np.asarray(arms)
+        return made_frozen(arms)
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

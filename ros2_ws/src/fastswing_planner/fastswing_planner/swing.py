@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags, selection
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, contiguous, frozen, frozen_flags
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.muscle_model import MuscleModel
@@ -125,7 +125,7 @@ def simulate_swing(
 
     Raises SwingBlocked, naming joints and muscles, if the swing stops short of its end.
     """
-    dt, chosen = settings.time_step, selection(np.flatnonzero(kept))
+    dt, chosen = settings.time_step, contiguous(np.flatnonzero(kept))
     gain, slowest = limits.acceleration * dt, -limits.velocity
     weight = np.eye(start.size) if weight is None else weight
     rows = [_at_rest(model, start)] if like is None else _shared_steps(like, kept)

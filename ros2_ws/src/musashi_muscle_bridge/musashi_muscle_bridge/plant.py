@@ -5,7 +5,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import BoolVector, Vector, frozen, selection, unique_known
+from fastswing_planner.arrays import BoolVector, Vector, contiguous, frozen, unique_known
 from fastswing_planner.mujoco_model import load_mjcf, object_names
 from fastswing_planner.ramp import ramp_bounds
 from fastswing_planner.robot import Robot
@@ -44,9 +44,9 @@ class Plant:
         joints = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_JOINT, self._mjcf.njnt)
         tendons = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_TENDON, self._mjcf.ntendon)
         chosen = unique_known("joint", robot.model.joint_names, joints)
-        self._qpos = selection(self._mjcf.jnt_qposadr[chosen])
-        self._dof = selection(self._mjcf.jnt_dofadr[chosen])
-        self._tendons = selection(unique_known("muscle", robot.model.muscle_names, tendons))
+        self._qpos = contiguous(self._mjcf.jnt_qposadr[chosen])
+        self._dof = contiguous(self._mjcf.jnt_dofadr[chosen])
+        self._tendons = contiguous(unique_known("muscle", robot.model.muscle_names, tendons))
         self._velocity_limit = robot.limits.velocity
         self._stiffness = robot.wire_stiffness
         self._slowest = -robot.limits.velocity
