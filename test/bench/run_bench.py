@@ -1,7 +1,7 @@
 """Runs the benchmarks, prints tables, and writes out/bench/summary.json and docs/performance.md.
 
 Each benchmark is a module of this folder with QUESTION and run(scale, plots) -> list[Row]; one that
-takes ten minutes more offers run_long(plots) too. Ends with 1 if `--check` finds a ratio worse.
+can run for ten minutes more offers run_long() too. Ends with 1 if `--check` finds a ratio worse.
 """
 
 import argparse
@@ -42,7 +42,7 @@ def measure(name: str, scale: float, plots: Path | None, long: bool) -> Result:
     print(f"\n{name}: {module.QUESTION}", flush=True)
     rows: list[Row] = module.run(scale, plots)
     if long and hasattr(module, "run_long"):
-        rows = rows + module.run_long(plots)
+        rows += module.run_long()
     print("\n".join(table(rows)), flush=True)
     return Result(module.QUESTION, tuple(rows), scale, date, found)
 
