@@ -1,10 +1,10 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo view fit faults soak security test build setup lint clean
+.PHONY: help demo view fit faults soak bench bench-check security test build setup lint clean
 
 # What follows ## beside a target is what `make` says about it.
 help: ## this list
-	@sed -n 's/^\([a-z]*\):[^#]*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -n 's/^\([a-z-]*\):[^#]*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
 	@printf '\nIn a shell of your own: source scripts/ros_env.bash\n'
 
 demo: build ## swing the arm three ways through real ROS 2 nodes; results in out/demo
@@ -22,6 +22,12 @@ faults: build ## break everything, many times, for an hour; writes docs/fault_ma
 
 soak: build ## swing for 30 minutes at 1 kHz; memory and rates in out/soak: docs/soak.md
 	@scripts/ros_env python test/soak/soak.py $(ARGS)
+
+bench: build ## measure all beside baselines, half an hour; results in out/bench, docs/performance.md
+	@scripts/ros_env python test/bench/run_bench.py $(ARGS)
+
+bench-check: build ## is a ratio worse than the last accepted one?
+	@scripts/ros_env python test/bench/run_bench.py --check $(ARGS)
 
 security: setup ## make keys for authenticated and encrypted ROS, in keystore: SECURITY.md
 	@.venv/bin/python security/make_keystore.py $(ARGS)

@@ -167,7 +167,8 @@ def _refuse_stall(bench: Bench, row: Row, start: float) -> None:
     """Raise Disturbed if the boards' watchdog acted where the fault does not explain it."""
     if row.safe in (Safe.WATCHDOG, Safe.NO_CURRENT, Safe.GONE, Safe.EITHER):
         return
-    if bench.lines.in_watchdog_since(start) is not None:
+    latched = [set(line.faults) for line in bench.lines.commands[-1:]]
+    if bench.lines.in_watchdog_since(start) is not None or latched == [{WATCHDOG}]:
         raise Disturbed("the machine stalled: the boards' watchdog acted")
 
 

@@ -95,7 +95,8 @@ class Inhibition:
         self._settings = settings
         self._arming: Arming | None = None
         self._last: JointMeasurement | None = None
-        self._start: Vector | None = None
+        self._way: Vector | None = None
+        self._way_length = 0.0
         self._seen: float | None = None
         self.reason = Reason.NEVER_ARMED
         self.decisions = 0
@@ -127,7 +128,7 @@ class Inhibition:
             )
         self._arming = arming
         self._last = None
-        self._start = None
+        self._way = None
         self.reason = Reason.NONE
         self.decisions = 0
         self.rejected = 0
@@ -199,17 +200,18 @@ class Inhibition:
             moved = max(map(abs, (joints.position - self._last.position).tolist()))
             if moved > settings.max_joint_speed * elapsed + settings.jump_tolerance:
                 return Reason.STATE_JUMP
-        if self._start is None:
-            self._start = joints.position
+        if self._way is None:
+            # From where it was first seen.
+            self._way = arming.goal - joints.position
+            self._way_length = math.hypot(*self._way.tolist())
         remaining = arming.goal - joints.position
         distance = math.hypot(*remaining.tolist())
         if distance < settings.goal_tolerance:
             return Reason.GOAL_REACHED
-        whole = arming.goal - self._start
         # Passed: the projection on the way from start to goal lies beyond the goal.
-        if float(remaining @ whole) <= 0.0:
+        if remaining @ self._way <= 0.0:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
-        if float(joints.velocity @ whole) / math.hypot(*whole.tolist()) < -settings.reversal_speed:
+        if joints.velocity @ self._way < -settings.reversal_speed * self._way_length:
             return Reason.REVERSED
         return Reason.NONE

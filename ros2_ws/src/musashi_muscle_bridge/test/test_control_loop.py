@@ -403,6 +403,23 @@ def test_each_of_several_buses_has_its_own_counts(two_buses: Running) -> None:
     assert sum(own) == two_buses.counted("replies")
 
 
+def test_every_period_sends_a_frame_or_is_counted(start: Start) -> None:
+    stalls = iter([0.0, 0.1, 0.0, 0.03])
+
+    def stalling(answer: bytes) -> list[bytes]:
+        time.sleep(next(stalls, 0.0))
+        return [answer]
+
+    run = start(stalling)
+
+    def all_counted() -> bool:
+        counted = run.counted("replies") + run.counted("misses") + run.counted("overruns")
+        periods = float(str(run.status.statistics["running_s"])) * 200.0
+        return run.counted("overruns") > 20 and abs(periods - counted) < 2.0
+
+    run.until(all_counted)
+
+
 def test_periods_and_round_trips_are_timed(start: Start) -> None:
     run = start()
     run.until(lambda: run.counted("rate_hz") > 0)
