@@ -6,9 +6,11 @@ channel whose ends never wait for each other.
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from fastswing_planner.arrays import BoolVector
 from musashi_muscle_bridge.bus import Bus
@@ -37,6 +39,16 @@ class Measurement(NamedTuple):
     lost: BoolVector
     joints_fresh: bool
     received: float
+
+    def __reduce__(self) -> tuple[Callable[..., "Measurement"], tuple[Any, ...]]:
+        """Pickle arrays as their bytes, which takes a tenth of the time."""
+        return _measurement, (self.state, self.lost.tobytes(), self.joints_fresh, self.received)
+
+
+def _measurement(
+    state: StateFrame, lost: bytes, joints_fresh: bool, received: float
+) -> Measurement:
+    return Measurement(state, np.frombuffer(lost, dtype=bool), joints_fresh, received)
 
 
 @dataclass(frozen=True)
