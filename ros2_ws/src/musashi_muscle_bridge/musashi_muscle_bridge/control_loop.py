@@ -147,11 +147,14 @@ class ControlLoop:
         commands = self._control.next_commands([line.state for line in lines], now)
         for line, command in zip(lines, commands, strict=True):
             line.send(command)
+        # Who waited a whole period for a silent bus would be later with each frame. A period that
+        # began late waits for half of one: else a loop that is always late would hear nothing.
+        patience = max(self._schedule.deadline - now, -0.5 * self._period) + self._period
         # A silent bus is asked last, so that it does not make the others' answers wait.
         fresh = {
             number
             for number in sorted(range(len(lines)), key=lambda n: lines[n].misses_in_a_row)
-            if lines[number].answered(now + self._period)
+            if lines[number].answered(now + patience)
         }
         for number in fresh:
             self._timing.answered(lines[number].round_trip)
