@@ -6,9 +6,11 @@ channel whose ends never wait for each other.
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from fastswing_planner.arrays import BoolVector
 from musashi_muscle_bridge.bus import Bus
@@ -37,6 +39,16 @@ class Measurement(NamedTuple):
     lost: BoolVector
     joints_fresh: bool
     received: float
+
+    def __reduce__(self) -> tuple[Callable[..., "Measurement"], tuple[Any, ...]]:
+        """Pickle arrays as their bytes, which takes a tenth of the time."""
+        return _measurement, (self.state, self.lost.tobytes(), self.joints_fresh, self.received)
+
+
+def _measurement(
+    state: StateFrame, lost: bytes, joints_fresh: bool, received: float
+) -> Measurement:
+    return Measurement(state, np.frombuffer(lost, dtype=bool), joints_fresh, received)
 
 
 @dataclass(frozen=True)
@@ -135,11 +147,14 @@ class ControlLoop:
         commands = self._control.next_commands([line.state for line in lines], now)
         for line, command in zip(lines, commands, strict=True):
             line.send(command)
+        # Who waited a whole period for a silent bus would be later with each frame. A period that
+        # began late waits for half of one: else a loop that is always late would hear nothing.
+        patience = max(self._schedule.deadline - now, -0.5 * self._period) + self._period
         # A silent bus is asked last, so that it does not make the others' answers wait.
         fresh = {
             number
             for number in sorted(range(len(lines)), key=lambda n: lines[n].misses_in_a_row)
-            if lines[number].answered(now + self._period)
+            if lines[number].answered(now + patience)
         }
         for number in fresh:
             self._timing.answered(lines[number].round_trip)

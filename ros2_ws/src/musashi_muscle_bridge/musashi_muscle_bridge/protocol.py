@@ -165,7 +165,7 @@ class StateFrame:
         )
 
     def __reduce__(self) -> tuple[Callable[[bytes], "StateFrame"], tuple[bytes]]:
-        """Pickle as its bytes: arrays take ten times as long, and each period pickles one."""
+        """Pickle as its bytes: arrays take ten times as long."""
         return StateFrame.decode, (self.encode(),)
 
 
