@@ -166,7 +166,7 @@ class Inhibition:
         self.watch(now)
         arming = self._arming
         if arming is None:
-            return self._nothing()
+            return self.nothing()
         age = now - joints.time
         allowed = min(self._settings.state_timeout, self._settings.lease)
         if age > allowed:
@@ -176,7 +176,7 @@ class Inhibition:
         self._seen = joints.time
         if end is not Reason.NONE:
             self.disarm(end)
-            return self._nothing()
+            return self.nothing()
         self.decisions += 1
         slow = math.hypot(*joints.velocity.tolist()) < self._settings.velocity_threshold
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
@@ -187,7 +187,8 @@ class Inhibition:
         inhibited = (index > arming.threshold) & ~arming.protected
         return Decision(inhibited, index, slow, Reason.NONE)
 
-    def _nothing(self) -> Decision:
+    def nothing(self) -> Decision:
+        """Return the decision that inhibits nothing, with the reason of the last end."""
         count = self._velocity_limit.size
         return Decision(
             np.zeros(count, dtype=bool), frozen(np.full(count, np.nan)), False, self.reason

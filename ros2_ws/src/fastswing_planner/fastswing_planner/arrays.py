@@ -25,12 +25,12 @@ def made_frozen(array: Vector) -> Vector:
     return array
 
 
-def contiguous(indices: NDArray[np.integer]) -> NDArray[np.integer] | slice:
-    """Return indices that follow each other as a slice, which copies nothing; others unchanged."""
-    first = int(indices[0]) if len(indices) else 0
-    if np.array_equal(indices, np.arange(first, first + len(indices))):
-        return slice(first, first + len(indices))
-    return indices
+def contiguous(indices: Sequence[int]) -> list[int] | slice:
+    """Return indices that follow each other as a slice, which copies nothing; others as a list."""
+    chosen = [int(index) for index in indices]
+    first = chosen[0] if chosen else 0
+    following = range(first, first + len(chosen))
+    return slice(first, first + len(chosen)) if chosen == list(following) else chosen
 
 
 def frozen_flags(values: ArrayLike) -> NDArray[np.bool_]:

@@ -25,6 +25,9 @@ from fastswing_planner.message_schema import Repeat, Schema, is_message, parse_r
 
 Message = TypeVar("Message")
 
+STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+"""The numbers of a message's header."""
+
 
 class MessageTemplate:
     """A serialised message in which some numbers are replaced, again and again."""

@@ -19,9 +19,8 @@ from std_msgs.msg import Header
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, MuscleState
 from fastswing_planner.errors import InvalidRequest
 from fastswing_planner.message_definition import definition_text
-from fastswing_planner.raw_messages import MessageTemplate, RawReader
+from fastswing_planner.raw_messages import STAMP, MessageTemplate, RawReader
 
-STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 MUSCLE_NUMBERS = ("length", "velocity", "tension", "current", "temperature")
 
 texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=6)
