@@ -194,7 +194,7 @@ def measure(folder: Path, seconds: float) -> tuple[Events, NDArray[np.float64]]:
         listener.spin(_SETTLE_SEC)
         task.arm(seconds)
         frame = len(robot.model.muscle_names) * COMMAND_ROW.itemsize
-        baseline = PaceBaseline(folder, frame, 1.0 / RATE_HZ, seconds)
+        baseline = PaceBaseline(frame, 1.0 / RATE_HZ, seconds)
         begin, answers = time.monotonic(), task.answers
         listener.spin(seconds)
         end, answers = time.monotonic(), task.answers - answers
