@@ -285,11 +285,13 @@ def _plot(stages: NDArray[np.float64], path: Path) -> None:
         begin += median
     bars.set_yticks(range(len(STAGES)), STAGES)
     bars.invert_yaxis()
+    bars.margins(x=0.15)
+    bars.set_xlim(left=0.0)
     bars.set_xlabel("time since the encoders changed [ms]; medians, bars: 10 to 90 %")
     total = np.sort(stages.sum(axis=1)) * 1e3
     spread.plot(total, (np.arange(total.size) + 1) / total.size)
-    spread.set_xscale("log")
-    spread.set_xlabel("encoder to zero current [ms]")
+    spread.set_xlim(0.0, float(np.percentile(total, 99)))
+    spread.set_xlabel("encoder to zero current [ms], up to 99 %")
     spread.set_ylabel("share of decisions")
     spread.grid(alpha=0.3)
     figure.tight_layout()
