@@ -20,6 +20,7 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingOptions
+from fastswing_planner.swing_execution import ExecutionSettings
 
 if TYPE_CHECKING:
     from test.conftest import Suite
@@ -32,6 +33,7 @@ LINE_FAULTS = ("latency", "jitter", "loss", "corruption")
 PARAMETERS: dict[str, dict[str, object]] = {"swing_executor": {"raise_speed": 2.0}}
 """Not the default, to get through many swings; the arm is not made to swing faster."""
 MUSCLES = [f"#{number}" for number in range(1, 11)]
+ARRIVAL_TOLERANCE = ExecutionSettings().arrival_tolerance
 _CLOCK_PERIOD_SEC = 0.005
 
 
@@ -51,12 +53,13 @@ class Swing:
     """A goal on its way: what is told of it, and its result when there is one.
 
     distance_to_end  [rad] NaN before it is told
+    arrived_at       monotonic time [s] at which the arm was first told to be there; NaN before
     """
 
     def __init__(self, suite: "Suite", method: int) -> None:
         """Send the robot's own swing."""
         self.phases: list[int] = []
-        self.distance_to_end = math.nan
+        self.distance_to_end = self.arrived_at = math.nan
         goal = suite.goal(options=SwingOptions(method=method))
         self._handle = suite.send_goal(goal, self._on_feedback)
         self._future = self._handle.get_result_async()
@@ -64,6 +67,10 @@ class Swing:
     def _on_feedback(self, message: Any) -> None:
         self.phases.append(message.feedback.phase)
         self.distance_to_end = message.feedback.distance_to_end
+        swinging = message.feedback.phase >= ExecuteSwing.Feedback.PHASE_SWING
+        near = swinging and self.distance_to_end < ARRIVAL_TOLERANCE
+        if near and math.isnan(self.arrived_at):
+            self.arrived_at = time.monotonic()
 
     @property
     def ended(self) -> bool:

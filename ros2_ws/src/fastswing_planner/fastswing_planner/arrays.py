@@ -25,12 +25,13 @@ def made_frozen(array: Vector) -> Vector:
     return array
 
 
-def contiguous(indices: Sequence[int]) -> list[int] | slice:
-    """Return indices that follow each other as a slice, which copies nothing; others as a list."""
-    chosen = [int(index) for index in indices]
-    first = chosen[0] if chosen else 0
-    following = range(first, first + len(chosen))
-    return slice(first, first + len(chosen)) if chosen == list(following) else chosen
+def contiguous(indices: ArrayLike) -> NDArray[np.int_] | slice:
+    """Return indices that follow each other as a slice, which copies nothing; others unchanged."""
+    numbers = np.asarray(indices, dtype=int)
+    first = int(numbers[0]) if numbers.size else 0
+    if np.array_equal(numbers, np.arange(first, first + numbers.size)):
+        return slice(first, first + numbers.size)
+    return numbers
 
 
 def frozen_flags(values: ArrayLike) -> NDArray[np.bool_]:

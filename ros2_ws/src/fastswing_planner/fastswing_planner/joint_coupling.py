@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector, contiguous
+from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import RobotDescriptionError
 
 _LEFT_OVER = 1e-6  # [m/rad, rad/rad]
@@ -33,8 +33,7 @@ class JointCoupling:
 
     Joints that follow a chosen one follow it here too; all others stay at `reference`.
 
-    chosen_dofs  where the chosen joints stand among MuJoCo's velocities, if none follows another:
-                 the product with the rates is then a choice of columns. None: it is not.
+    followers  indices of the joints that follow another or are locked
     """
 
     def __init__(self, model: mujoco.MjModel, joints: Sequence[int], reference: Vector) -> None:
@@ -54,15 +53,10 @@ class JointCoupling:
             if follower.joint in joints:
                 raise RobotDescriptionError(_not_free(model, follower, joints))
         self._followers = _leaders_first(model, followers)
+        self.followers = frozenset(follower.joint for follower in self._followers)
         self._chosen_rates = np.zeros((model.nv, len(joints)))
         self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
         self._chosen_rates.setflags(write=False)
-        self.chosen_dofs = None if followers else contiguous(model.jnt_dofadr[joints])
-
-    @property
-    def followers(self) -> frozenset[int]:
-        """Indices of the joints that follow another or are locked."""
-        return frozenset(follower.joint for follower in self._followers)
 
     def set_positions(self, data: mujoco.MjData, joint_position: Vector) -> Matrix:
         """Write qpos of all joints, and return d qvel / d joint velocity, shape (nv, n).

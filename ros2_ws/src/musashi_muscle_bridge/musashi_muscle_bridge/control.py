@@ -23,6 +23,7 @@ from musashi_muscle_bridge.protocol import (
     StateFrame,
     WatchdogAction,
 )
+from musashi_muscle_bridge.pull_limit import limited_pull
 
 _MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond
 
@@ -57,6 +58,7 @@ def command_limits(
         length_min=frozen(shortest - robot.tension_limit / robot.wire_stiffness),
         length_max=frozen(longest + payout_allowance),
         tension_max=robot.limits.tension_max,
+        tension_limit=robot.tension_limit,
         current_max=robot.current_limit,
         velocity=robot.limits.velocity,
         stream_timeout=stream_timeout,
@@ -102,6 +104,7 @@ class ControlPeriod:
         session  0 to 2**32 - 1; boards tell one bridge from another by it
         """
         self.arbiter = CommandArbiter(robot.model.muscle_names, limits)
+        self._limits = limits
         self.groups = tuple(
             GroupControl(robot, group, watchdog_action, watchdog_timeout, session)
             for group in robot.board_groups
@@ -181,12 +184,12 @@ class ControlPeriod:
                 self.arbiter.keep(self.lost)
             else:
                 faulty = faulty | self.lost
-        setpoints = self.arbiter.update(
-            now,
-            self._whole([state.rows["length"] for state in known]),
-            self._whole([state.rows["tension"] for state in known]),
-            faulty,
+        length, tension, velocity = (
+            self._whole([state.rows[field] for state in known])
+            for field in ("length", "tension", "velocity")
         )
+        setpoints = self.arbiter.update(now, length, tension, faulty)
+        setpoints = limited_pull(setpoints, tension, velocity, self._limits)
         return [group.command(setpoints) for group in self.groups]
 
     def merged(self, states: Sequence[StateFrame]) -> StateFrame:

@@ -30,6 +30,7 @@ def limits() -> CommandLimits:
         length_min=same(LENGTH_MIN),
         length_max=same(LENGTH_MAX),
         tension_max=same(TENSION_MAX),
+        tension_limit=same(2.0 * TENSION_MAX),
         current_max=same(CURRENT_MAX),
         velocity=same(VELOCITY),
         stream_timeout=STREAM_TIMEOUT,
