@@ -1,6 +1,6 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo view fit faults soak security test build setup lint clean
+.PHONY: help demo view fit faults soak security docs test build setup lint clean
 
 help:
 	@printf '%s\n' \
@@ -12,7 +12,8 @@ help:
 	  'make faults    break everything, many times; writes docs/fault_matrix.md' \
 	  'make soak      swing for 30 minutes at 1 kHz; memory and rates in out/soak' \
 	  'make security  make keys for authenticated and encrypted ROS; results in keystore' \
-	  'make build     set up and build the workspace; the commands above do it by themselves' \
+	  'make docs      docs/parameters.md again, and the API reference in out/docs' \
+  'make build     set up and build the workspace; the commands above do it by themselves' \
 	  'make clean     remove everything that these commands made, but no keystore' \
 	  '' \
 	  'In a shell of your own: source scripts/ros_env.bash'
@@ -35,6 +36,9 @@ soak: build
 
 security: setup
 	@.venv/bin/python security/make_keystore.py $(ARGS)
+
+docs: build
+	@scripts/ros_env python pages/parameter_page.py
 
 test: build
 	@scripts/ros_env python -m pytest $(ARGS)

@@ -25,12 +25,16 @@ from fastswing_planner.parameters import Parameter, check_all
 from fastswing_planner.robot_path import MUSASHI
 
 AUTOSTART = Parameter(
-    "autostart", True, "Configure and activate at start; false: wait for a lifecycle manager."
+    "autostart",
+    True,
+    "Configure and activate at start, so that a bridge holds the arm at once; false: wait for a "
+    "lifecycle manager.",
 )
 ROBOT_DESCRIPTION = Parameter(
     "robot_description",
     MUSASHI,
-    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH.",
+    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH. The same for all "
+    "nodes of an arm, or plans and limits are another arm's.",
 )
 
 # Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others
