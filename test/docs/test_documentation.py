@@ -10,7 +10,7 @@ from parameter_page import PACKAGES, PAGE, NodeTable, declared_tables, executabl
 from fastswing_msgs.msg import ErrorCode, MuscleState
 from musashi_muscle_bridge.protocol import Fault, WatchdogAction
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SOURCES = [
     path.read_text()
     for package in PACKAGES
