@@ -39,6 +39,7 @@ security: setup
 
 docs: build
 	@scripts/ros_env python pages/parameter_page.py
+	@scripts/ros_env python pages/api_reference.py
 
 test: build
 	@scripts/ros_env python -m pytest $(ARGS)

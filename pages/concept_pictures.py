@@ -189,7 +189,8 @@ def draw_way() -> None:
         }
         axis.annotate("", ends[1], ends[0], arrowprops=arrow)
         paper = {"fc": "white", "ec": "none", "pad": 1.0}
-        axis.text(*ends.mean(axis=0), label, ha="center", va="center", fontsize=9, bbox=paper)
+        x, y = ends.mean(axis=0)
+        axis.text(x, y, label, ha="center", va="center", fontsize=9, bbox=paper)
     axis.text(3.7, -0.35, _STATES, ha="center", fontsize=8, color="tab:green")
     axis.set_xlim(-0.2, 7.6)
     axis.set_ylim(-0.5, 2.4)
