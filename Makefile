@@ -1,6 +1,6 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo view fit faults soak security docs test build setup lint clean
+.PHONY: help demo view fit faults soak bench bench-check security docs test build setup lint clean
 
 help:
 	@printf '%s\n' \
@@ -11,9 +11,11 @@ help:
 	  'make fit       fit arm and emulated winches to the paper again; results in out/fit' \
 	  'make faults    break everything, many times; writes docs/fault_matrix.md' \
 	  'make soak      swing for 30 minutes at 1 kHz; memory and rates in out/soak' \
+	  'make bench     measure everything beside a baseline; results in out/bench, docs/performance.md' \
+	  'make bench-check  is a ratio worse than the last accepted one?' \
 	  'make security  make keys for authenticated and encrypted ROS; results in keystore' \
 	  'make docs      docs/parameters.md again, and the API reference in out/docs' \
-  'make build     set up and build the workspace; the commands above do it by themselves' \
+	  'make build     set up and build the workspace; the commands above do it by themselves' \
 	  'make clean     remove everything that these commands made, but no keystore' \
 	  '' \
 	  'In a shell of your own: source scripts/ros_env.bash'
@@ -33,6 +35,12 @@ faults: build
 
 soak: build
 	@scripts/ros_env python test/soak/soak.py $(ARGS)
+
+bench: build
+	@scripts/ros_env python test/bench/run_bench.py $(ARGS)
+
+bench-check: build
+	@scripts/ros_env python test/bench/run_bench.py --check $(ARGS)
 
 security: setup
 	@.venv/bin/python security/make_keystore.py $(ARGS)

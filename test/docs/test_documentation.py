@@ -134,7 +134,7 @@ def test_every_watchdog_action_is_named(action: WatchdogAction) -> None:
 
 
 @pytest.mark.parametrize(
-    "target", re.findall(r"^([a-z]\w*):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    "target", re.findall(r"^([a-z][\w-]*):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 )
 def test_every_make_target_is_named(target: str) -> None:
     assert named(f"make {target}", WRITTEN)

@@ -15,6 +15,7 @@ WITH_ROS = (
     "learn_model_command",
     "message_definition",
     "plan_command",
+    "raw_messages",
     "robot_path",
     "swing_goal",
 )

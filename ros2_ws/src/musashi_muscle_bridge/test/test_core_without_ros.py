@@ -7,8 +7,8 @@ from pathlib import Path
 import musashi_muscle_bridge
 
 ROS = ("rclpy", "ament_index_python", "fastswing_msgs", "sensor_msgs", "std_msgs", "std_srvs")
-# Commands that find the installed robot.
-WITH_ROS = ("simulate_swing", "view_swing", "__init__")
+# Conversion to messages, and commands that find the installed robot.
+WITH_ROS = ("state_messages", "simulate_swing", "view_swing", "__init__")
 PROGRAM = """
 import importlib, sys
 for package in sys.argv[1].split():
