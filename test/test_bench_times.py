@@ -4,11 +4,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from big_arm import write_big_arm
 from board_times import BoardTimes, read_board_log
 from pace_baseline import Pace
-
-from fastswing_planner.robot import load_robot
 
 LOG = (
     "boards\t0.9\t33\t00\t0.0\t1.0\n"
@@ -52,8 +49,3 @@ def test_a_stall_explains_what_was_missed_while_it_lasted(
 ) -> None:
     pace = Pace(began=np.array([1.2, 2.0]), lateness=np.array([0.2, 0.0]), round_trip=np.zeros(2))
     assert pace.stalled(begin, end, limit=0.1) is stalled
-
-
-def test_the_big_arm_has_as_many_muscles_and_joints_as_asked_for(tmp_path: Path) -> None:
-    model = load_robot(write_big_arm(tmp_path, muscles=20, joints=8)).model
-    assert (len(model.muscle_names), len(model.joint_names)) == (20, 8)

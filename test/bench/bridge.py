@@ -14,9 +14,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2] / "demo"))
 
 import numpy as np
-from big_arm import write_big_arm
 from board_times import BoardTimes, read_board_log
 from builtin_interfaces.msg import Duration
+from large_arm import write_large_arm
 from listening import Listener
 from numpy.typing import NDArray
 from pace_baseline import Pace, PaceBaseline
@@ -124,7 +124,7 @@ def measure(
         listener.until("muscle states", lambda: len(heard) > 0)
         switching = Switching(listener, names[0])
         listener.spin(_SETTLE_SEC)
-        baseline = PaceBaseline(folder, len(names) * COMMAND_ROW.itemsize, PERIOD, seconds)
+        baseline = PaceBaseline(len(names) * COMMAND_ROW.itemsize, PERIOD, seconds)
         begin = time.monotonic()
         listener.spin(seconds)
         end = time.monotonic()
@@ -259,7 +259,7 @@ def run(scale: float, plots: Path | None = None) -> list[Row]:
         variants: list[tuple[str, str, dict[str, object]]] = [
             ("10 boards", MUSASHI, {}),
             ("10 boards, ordinary messages", MUSASHI, {"raw_messages": "false"}),
-            ("74 boards", str(write_big_arm(folder)), {}),
+            ("74 boards", str(write_large_arm(folder, joints=33, muscles=74)), {}),
         ]
         found = {label: Measured() for label, _, _ in variants}
         for _ in range(ROUNDS if scale > 0.1 else 1):

@@ -1,15 +1,12 @@
 """What this machine allows a control loop: the C program udp_pace, beside what is measured."""
 
-import shutil
 import subprocess
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from baselines import baseline
 from numpy.typing import NDArray
 from processes import free_udp_port
-
-_SOURCE = Path(__file__).with_name("udp_pace.c")
 
 
 @dataclass(frozen=True)
@@ -35,12 +32,9 @@ class Pace:
 class PaceBaseline:
     """The program, running."""
 
-    def __init__(self, folder: Path, frame_size: int, period: float, seconds: float) -> None:
+    def __init__(self, frame_size: int, period: float, seconds: float) -> None:
         """Build and start it: frames of `frame_size` bytes, one per `period` [s]."""
-        program = folder / "udp_pace"
-        if not program.exists():
-            compiler = shutil.which("cc") or "gcc"
-            subprocess.run([compiler, "-O2", "-o", str(program), str(_SOURCE)], check=True)
+        program = baseline("udp_pace")
         port = str(free_udp_port())
         self._echo = subprocess.Popen([program, "echo", port])
         microseconds = str(round(period * 1e6))

@@ -18,7 +18,7 @@ SOURCES = [
 ]
 PAGES = {
     str(path.relative_to(ROOT)): path.read_text()
-    for path in [ROOT / "README.md", ROOT / "SECURITY.md", *sorted((ROOT / "docs").glob("*.md"))]
+    for path in [*sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").glob("*.md"))]
 }
 RECOVERY = PAGES["docs/recovery.md"]
 INTERFACES = sorted(

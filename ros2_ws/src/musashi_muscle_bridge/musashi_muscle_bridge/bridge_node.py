@@ -20,7 +20,7 @@ from fastswing_msgs.msg import (
     MuscleState,
     TensionCommand,
 )
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
@@ -139,12 +139,7 @@ TABLE = (
         0.0,
         1.0,
     ),
-    Parameter(
-        "raw_messages",
-        True,
-        "Write the measurements into messages that were serialised once; false: have the "
-        "middleware serialise each, for comparison.",
-    ),
+    RAW_MESSAGES,
 )
 
 
