@@ -1,6 +1,6 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo view fit faults soak bench bench-check security test build setup lint clean
+.PHONY: help demo view fit faults soak bench bench-check security docs test build setup lint clean
 
 # What follows ## beside a target is what `make` says about it.
 help: ## this list
@@ -31,6 +31,10 @@ bench-check: build ## is a ratio worse than the last accepted one?
 
 security: setup ## make keys for authenticated and encrypted ROS, in keystore: SECURITY.md
 	@.venv/bin/python security/make_keystore.py $(ARGS)
+
+docs: build ## docs/parameters.md again, and the API reference; results in out/docs
+	@scripts/ros_env python pages/parameter_page.py
+	@scripts/ros_env python pages/api_reference.py
 
 test: build ## all tests; make test ARGS="-k ramp" for some of them
 	@scripts/ros_env python -m pytest $(ARGS)

@@ -27,6 +27,7 @@ setup(
     entry_points={
         "console_scripts": [
             "bridge = musashi_muscle_bridge.bridge_node:main",
+            "calibrate = musashi_muscle_bridge.calibrate_node:main",
             "mock_driver = musashi_muscle_bridge.mock_driver_node:main",
             "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
             "view_swing = musashi_muscle_bridge.view_swing:main",

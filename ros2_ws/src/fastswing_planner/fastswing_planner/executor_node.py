@@ -48,27 +48,66 @@ def _setting(name: str, unit: str, low: float, high: float, description: str) ->
 TABLE = (
     ROBOT_DESCRIPTION,
     REQUEST_MAX_AGE,
-    Parameter("rate", 100.0, "How often orders are given.", "Hz", 10.0, 1000.0),
     Parameter(
-        "service_timeout", 2.0, "Longest wait for the planner and the inhibitor.", "s", 0.1, 60.0
+        "rate",
+        100.0,
+        "How often the way of the arm is judged and length commands are sent: on the way to the "
+        "start each one is a small step.",
+        "Hz",
+        10.0,
+        1000.0,
     ),
-    _setting("raise_speed", "rad/s", 0.05, 3.0, "Largest joint speed on the way to the start."),
-    _setting("elongate_speed", "m/s", 0.005, 0.3, "Speed of paying muscles out before the swing."),
+    Parameter(
+        "service_timeout",
+        2.0,
+        "Longest wait for the planner and the inhibitor; then the swing is refused or the arm "
+        "held.",
+        "s",
+        0.1,
+        60.0,
+    ),
+    _setting(
+        "raise_speed",
+        "rad/s",
+        0.05,
+        3.0,
+        "Largest joint speed on the way to the start; slower is gentler to whatever is in the way.",
+    ),
+    _setting(
+        "elongate_speed",
+        "m/s",
+        0.005,
+        0.3,
+        "Speed of paying Method 2's muscles out before the swing.",
+    ),
     _setting(
         "start_tolerance",
         "rad",
         0.005,
         0.5,
-        "The swing begins only this near to the start posture.",
+        "The swing begins only this near to the start posture, by the norm over all joints.",
     ),
-    _setting("rest_speed", "rad/s", 0.01, 1.0, "Joints slower than this rest."),
-    _setting("rest_time", "s", 0.02, 5.0, "How long the arm must rest before the swing."),
+    _setting(
+        "rest_speed",
+        "rad/s",
+        0.01,
+        1.0,
+        "Joints slower than this rest. The arm is raised, and swings, only from rest.",
+    ),
+    _setting(
+        "rest_time",
+        "s",
+        0.02,
+        5.0,
+        "How long the arm must rest before the swing; longer lets ringing of the raise die away.",
+    ),
     _setting(
         "arrival_tolerance",
         "rad",
         0.005,
         0.5,
-        "The swing has arrived this near to the end posture.",
+        "The swing has arrived this near to the end posture, by the norm over all joints; then it "
+        "only has to rest.",
     ),
     _setting(
         "raise_limit",
@@ -97,16 +136,23 @@ TABLE = (
         "s",
         0.2,
         10.0,
-        "Longest swing. The inhibitor is armed for 0.5 s more, so keep this 0.5 s below its "
-        "max_time_limit.",
+        "Longest swing; then the arm is held where it is. The inhibitor is armed for 0.5 s more, "
+        "so keep this 0.5 s below its max_time_limit.",
     ),
-    _setting("recover_time", "s", 0.1, 10.0, "How long the end is held before the swing is done."),
+    _setting(
+        "recover_time",
+        "s",
+        0.1,
+        10.0,
+        "How long the arm is held at the end before the swing is done.",
+    ),
     _setting(
         "recover_limit",
         "s",
         0.2,
         60.0,
-        "Longest wait for rest at the end posture, recover_time included.",
+        "Longest wait for rest at the end posture, recover_time included; then the swing has "
+        "failed and the arm is held.",
     ),
     _setting(
         "state_timeout",
@@ -114,7 +160,7 @@ TABLE = (
         0.02,
         2.0,
         "Older measurements, a longer stall of this node or a longer silence of the inhibitor stop "
-        "the swing.",
+        "the swing and hold the arm. Longer forgives stalls, and moves an unseen arm for as long.",
     ),
 )
 

@@ -25,17 +25,22 @@ from fastswing_planner.parameters import Parameter, check_all
 from fastswing_planner.robot_path import MUSASHI
 
 AUTOSTART = Parameter(
-    "autostart", True, "Configure and activate at start; false: wait for a lifecycle manager."
+    "autostart",
+    True,
+    "Configure and activate at start, so that a bridge holds the arm at once; false: wait for a "
+    "lifecycle manager.",
 )
 ROBOT_DESCRIPTION = Parameter(
     "robot_description",
     MUSASHI,
-    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH.",
+    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH. The same for all "
+    "nodes of an arm, or plans and limits are another arm's.",
 )
 RAW_MESSAGES = Parameter(
     "raw_messages",
     True,
-    "Read and write messages at rate in their serialised form; false: the ordinary, slower way.",
+    "Read and write messages at rate in their serialised form, so that states and overrides come "
+    "sooner; false: the ordinary, slower way, with the same content.",
 )
 
 # Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others

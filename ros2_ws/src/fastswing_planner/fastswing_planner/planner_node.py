@@ -35,12 +35,21 @@ TABLE = (
     Parameter(
         "solver",
         DEFAULT_SOLVER,
-        "What solves the quadratic programs; daqp is the faster one.",
+        "What solves the quadratic programs; daqp is the faster one, the plans are the same.",
         choices=tuple(SOLVERS),
     ),
-    _setting("time_step", "Step of the simulated swing, unless a request gives its own."),
-    _setting("epsilon", "A swing ends this near to its end, unless a request gives its own."),
-    _setting("max_steps", "A longer simulated swing is an error, unless a request says so."),
+    _setting(
+        "time_step",
+        "Step of the simulated swing, unless a request gives its own. Shorter predicts peaks "
+        "finer.",
+    ),
+    _setting(
+        "epsilon", "A predicted swing ends this near to its end, unless a request gives its own."
+    ),
+    _setting(
+        "max_steps",
+        "Steps after which a swing that has not ended is refused, unless a request gives its own.",
+    ),
     Parameter(
         "search_time_limit",
         1.0,
