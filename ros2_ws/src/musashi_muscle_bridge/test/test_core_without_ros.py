@@ -6,7 +6,16 @@ from pathlib import Path
 
 import musashi_muscle_bridge
 
-ROS = ("rclpy", "ament_index_python", "fastswing_msgs", "sensor_msgs", "std_msgs", "std_srvs")
+ROS = (
+    "rclpy",
+    "ament_index_python",
+    "fastswing_msgs",
+    "geometry_msgs",
+    "sensor_msgs",
+    "std_msgs",
+    "std_srvs",
+    "visualization_msgs",
+)
 # Commands that find the installed robot.
 WITH_ROS = ("simulate_swing", "view_swing", "__init__")
 PROGRAM = """
@@ -19,7 +28,7 @@ for module in sys.argv[2].split():
 CORE = sorted(
     path.stem
     for path in Path(str(musashi_muscle_bridge.__file__)).parent.glob("*.py")
-    if not path.stem.endswith("_node") and path.stem not in WITH_ROS
+    if not path.stem.endswith(("_node", "_conversion")) and path.stem not in WITH_ROS
 )
 
 
@@ -31,3 +40,7 @@ def test_every_core_module_is_imported_without_ros() -> None:
 
 def test_what_boards_and_bridge_compute_is_core() -> None:
     assert {"protocol", "board_link", "arbiter", "control", "injected_faults", "cobs"} <= set(CORE)
+
+
+def test_what_dashboard_and_picture_show_is_core() -> None:
+    assert {"dashboard", "dashboard_picture", "arm_shapes", "muscle_lines"} <= set(CORE)
