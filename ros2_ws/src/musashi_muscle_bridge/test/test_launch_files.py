@@ -24,6 +24,7 @@ COMMON = [
     ("fastswing_planner", "planner"),
     ("fastswing_planner", "swing_executor"),
     ("musashi_muscle_bridge", "bridge"),
+    ("musashi_muscle_bridge", "show_arm"),
 ]
 NODES = {
     "mock.launch.xml": sorted([*COMMON, ("musashi_muscle_bridge", "mock_driver")]),
@@ -104,6 +105,14 @@ def test_every_parameter_is_in_its_nodes_table_and_defaults_are_the_nodes_own(na
             read = yaml.safe_load(default)
             assert type(read) is type(row.default)
             assert read == row.default
+
+
+@pytest.mark.parametrize(("name", "default"), [(FILES[0], "true"), (FILES[1], "false")])
+def test_the_arm_is_shown_by_default_where_there_is_no_robot(name: str, default: str) -> None:
+    root = launch_file(name)
+    assert arguments(root)["show"].attrib["default"] == default
+    asked = {node.attrib["exec"]: node.attrib["if"] for node in nodes(root) if "if" in node.attrib}
+    assert asked == {"show_arm": "$(var show)"}
 
 
 def test_the_robots_bus_has_no_default() -> None:
