@@ -98,6 +98,7 @@ class PseudoTerminal:
         self.before = self.attributes()
         self._rest = ""
         self._ended = threading.Event()
+        self._frozen = threading.Event()
         self.process = subprocess.Popen(
             command,
             env={**environment, "TERM": "xterm-256color"},
@@ -118,9 +119,15 @@ class PseudoTerminal:
 
     def _read(self) -> None:
         while not self._ended.is_set():
-            if select.select([self._ours], [], [], 0.05)[0]:
+            if self._frozen.is_set():
+                time.sleep(0.05)
+            elif select.select([self._ours], [], [], 0.05)[0]:
                 text = os.read(self._ours, 65536).decode()
                 self._rest = self.screen.write(self._rest + text)
+
+    def freeze(self) -> None:
+        """Take nothing more that the program writes, as a connection that hangs."""
+        self._frozen.set()
 
     def type(self, keys: str) -> None:
         """Press keys."""
@@ -141,7 +148,8 @@ class PseudoTerminal:
     def wait(self, timeout: float) -> int:
         """Return the exit code [s]; afterwards all that was written is on the screen."""
         code = self.process.wait(timeout)
-        time.sleep(0.2)
+        while not self._frozen.is_set() and select.select([self._ours], [], [], 0.1)[0]:
+            time.sleep(0.01)
         return code
 
     def close(self) -> None:

@@ -88,6 +88,17 @@ def test_one_key_stops_the_arm_and_the_answer_is_shown(
     assert arm.reported("bridge", "emergency_stop") == "True"
 
 
+def test_a_terminal_that_takes_nothing_does_not_delay_the_stop(
+    arm: "Suite", terminal: PseudoTerminal
+) -> None:
+    terminal.freeze()
+    arm.let_states_pass(3000)  # what is written meanwhile fills the terminal
+    terminal.type("e")
+    arm.wait_for_modes(MuscleState.MODE_ZERO_CURRENT)
+    terminal.send(signal.SIGTERM)
+    assert terminal.wait(END_SEC) == 0
+
+
 def test_clearing_needs_a_second_key(arm: "Suite", terminal: PseudoTerminal) -> None:
     terminal.type("e")
     arm.wait_for_modes(MuscleState.MODE_ZERO_CURRENT)

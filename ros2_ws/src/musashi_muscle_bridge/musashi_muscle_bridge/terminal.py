@@ -66,7 +66,8 @@ class Terminal:
             return
         self._open = False
         atexit.unregister(self.close)
-        self._pending += _LEAVE
+        logged = b"".join(_give_back(number, *kept) for number, kept in self._kept.items())
+        self._pending += _LEAVE + logged
         deadline = time.monotonic() + _PATIENCE_SEC
         while self._pending and time.monotonic() < deadline:
             select.select([], [self._screen], [], _PATIENCE_SEC / 10)
@@ -74,8 +75,6 @@ class Terminal:
         os.close(self._screen)
         with contextlib.suppress(termios.error):
             termios.tcsetattr(_INPUT, termios.TCSANOW, self._before)
-        for number, (there, text) in self._kept.items():
-            _give_back(number, there, text)
 
     def typed(self) -> bytes | None:
         """Return what was typed since the last call; None: the terminal is gone."""
@@ -151,9 +150,10 @@ def _keep(number: int) -> tuple[int, int]:
     return there, text
 
 
-def _give_back(number: int, there: int, text: int) -> None:
+def _give_back(number: int, there: int, text: int) -> bytes:
+    """Let a descriptor write where it wrote before; returns what it wrote meanwhile."""
     os.dup2(there, number)
     os.close(there)
-    with os.fdopen(text, "rb") as kept, contextlib.suppress(OSError):
+    with os.fdopen(text, "rb") as kept:
         kept.seek(0)
-        os.write(number, kept.read())
+        return kept.read()
