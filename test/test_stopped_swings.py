@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Time
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.qos import QoSProfile
@@ -132,23 +133,33 @@ class Outcome:
     """Length commands after the result."""
 
 
+def later(message: MuscleState | LengthCommand, time: Time) -> bool:
+    """Return whether a message was made after some time."""
+    stamp = message.header.stamp
+    return bool((stamp.sec, stamp.nanosec) > (time.sec, time.nanosec))
+
+
 def outcome(watched: Watched, ended: Any) -> Outcome:
     suite = watched.suite
+    # By their stamps: some from before may still have been on their way to this process.
     ended_at = suite.now().stamp
-    modes = set(suite.fresh_muscles().mode)
+    while not later(first := suite.fresh_muscles(), ended_at):
+        pass
     armed = watched.disarm()
     suite.let_states_pass(300)
-    # By their stamps: some from before may still have been on their way to this process.
-    stamps = [command.header.stamp for command in suite.length_commands]
-    commanded = sum(
-        (stamp.sec, stamp.nanosec) > (ended_at.sec, ended_at.nanosec) for stamp in stamps
-    )
+    commanded = sum(later(command, ended_at) for command in suite.length_commands)
     before = suite.fresh_posture()
     suite.let_states_pass(150)
     moved = float(np.abs(suite.fresh_posture() - before).max())
     result = ended.result
     return Outcome(
-        ended.status, result.error_code, result.error_string, modes, armed, moved, commanded
+        ended.status,
+        result.error_code,
+        result.error_string,
+        set(first.mode),
+        armed,
+        moved,
+        commanded,
     )
 
 

@@ -1,11 +1,5 @@
-"""How fast bags become numpy columns, beside the libraries that decode message by message.
+"""How fast bags become numpy columns, beside the libraries that decode message by message."""
 
-scripts/ros_env python test/bench/bag_reading.py [MESSAGES]
-"""
-
-import resource
-import sys
-import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -123,24 +117,3 @@ def rates(path: Path, topic: str, repetitions: int = 1) -> dict[str, float]:
             rate = count / (time.process_time() - begin)
             found[name] = max(found.get(name, 0.0), rate)
     return found
-
-
-def peak_memory_mb() -> float:
-    """Return this process's largest resident memory so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
-
-
-def main() -> int:
-    """Print a table."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 20_000
-    with tempfile.TemporaryDirectory() as folder:
-        path = write_bag(Path(folder) / "a.mcap", count)
-        print(f"{count} messages of each topic, messages per second of CPU time")
-        for topic in TYPES:
-            found = rates(path, topic, 2)
-            print(topic, "  ".join(f"{name} {rate:,.0f}" for name, rate in found.items()))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,13 +1,9 @@
-"""What recording costs: four topics at 1 kHz into an MCAP bag, by the recorder as a process.
-
-scripts/ros_env python test/bench/recording.py [SECONDS]
-"""
+"""What recording costs: four topics at 1 kHz into an MCAP bag, by the recorder as a process."""
 
 import os
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -97,17 +93,3 @@ def _publish(recorder: "subprocess.Popen[bytes]", seconds: float) -> tuple[dict[
     share = (cpu_seconds(recorder.pid) - cpu) / (time.monotonic() - cpu_from)
     time.sleep(0.5)
     return sent, share
-
-
-def main() -> int:
-    """Print what it costs."""
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 10.0
-    with tempfile.TemporaryDirectory() as folder:
-        found = record_four_topics(Path(folder), seconds)
-    for key, value in found.items():
-        print(key, value)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

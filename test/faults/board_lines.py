@@ -67,6 +67,8 @@ class BoardLines:
                 BoardsLine(float(time), modes, faults, float(silence), float(tension))
             )
             return
+        if cells[0] != "command":
+            return
         _, time, group, session, sequence, modes, setpoints, limit, board_modes, faults, tension = (
             cells
         )

@@ -19,6 +19,7 @@ ATTEMPTS = 8
 SILENCE_SEC = ExecutionSettings().state_timeout
 PERIOD_SEC = 0.002
 _STALLED = ("STALE_STATE", "FAULT_LATCHED", "joint states stopped", "PHASE_TIMEOUT")
+_PAUSE_STATES = 1000
 _ROUNDING = 2e-4  # of the wire's 32-bit numbers and of the log
 
 
@@ -65,7 +66,7 @@ def carry_out(bench: Bench, row: Row) -> Outcome:
     disturbed: list[str] = []
     while True:
         try:
-            outcome = _attempt(bench, row)
+            outcome = _attempt(bench, row, again=len(disturbed) > 0)
         except Disturbed as stall:
             disturbed.append(str(stall))
             if len(disturbed) >= ATTEMPTS:
@@ -75,8 +76,11 @@ def carry_out(bench: Bench, row: Row) -> Outcome:
             return outcome
 
 
-def _attempt(bench: Bench, row: Row) -> Outcome:
+def _attempt(bench: Bench, row: Row, again: bool) -> Outcome:
     bench.tidy()
+    if again:
+        # A node that was started again may not have been found by all others yet.
+        bench.suite.let_states_pass(_PAUSE_STATES)
     on_the_way = row.prepare is not None and row.prepare(bench)
     if row.phase != HOLD and not on_the_way:
         bench.swing_to(row.phase)
@@ -163,7 +167,8 @@ def _refuse_stall(bench: Bench, row: Row, start: float) -> None:
     """Raise Disturbed if the boards' watchdog acted where the fault does not explain it."""
     if row.safe in (Safe.WATCHDOG, Safe.NO_CURRENT, Safe.GONE, Safe.EITHER):
         return
-    if bench.lines.in_watchdog_since(start) is not None:
+    latched = [set(line.faults) for line in bench.lines.commands[-1:]]
+    if bench.lines.in_watchdog_since(start) is not None or latched == [{WATCHDOG}]:
         raise Disturbed("the machine stalled: the boards' watchdog acted")
 
 

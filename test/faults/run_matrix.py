@@ -21,7 +21,7 @@ def main() -> int:
         "--more", action="store_true", help="add to the results that are there; else start anew"
     )
     parser.add_argument("--page-only", action="store_true", help="only write the page")
-    parser.add_argument("-k", default="", help="only rows that fit, as of pytest")
+    parser.add_argument("-k", default="", help="only rows that fit, as of pytest; no page")
     arguments = parser.parse_args()
     results: Path = arguments.results
     code = 0
@@ -37,6 +37,9 @@ def main() -> int:
         }
         command = [sys.executable, "-m", "pytest", str(ROOT / "test/faults"), "-q", "--reruns", "0"]
         code = subprocess.run([*command, "-k", arguments.k], env=environment, cwd=ROOT).returncode
+    if arguments.k:
+        print(f"results of some rows: {results}; --page-only writes the page")
+        return code
     # Not before: it needs what is on the tests' path.
     from fault_page import write
 

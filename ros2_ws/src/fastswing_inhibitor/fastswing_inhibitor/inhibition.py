@@ -95,7 +95,8 @@ class Inhibition:
         self._settings = settings
         self._arming: Arming | None = None
         self._last: JointMeasurement | None = None
-        self._start: Vector | None = None
+        self._way: Vector | None = None
+        self._way_length = 0.0
         self._seen: float | None = None
         self.reason = Reason.NEVER_ARMED
         self.decisions = 0
@@ -127,7 +128,7 @@ class Inhibition:
             )
         self._arming = arming
         self._last = None
-        self._start = None
+        self._way = None
         self.reason = Reason.NONE
         self.decisions = 0
         self.rejected = 0
@@ -165,7 +166,7 @@ class Inhibition:
         self.watch(now)
         arming = self._arming
         if arming is None:
-            return self._nothing()
+            return self.nothing()
         age = now - joints.time
         allowed = min(self._settings.state_timeout, self._settings.lease)
         if age > allowed:
@@ -175,7 +176,7 @@ class Inhibition:
         self._seen = joints.time
         if end is not Reason.NONE:
             self.disarm(end)
-            return self._nothing()
+            return self.nothing()
         self.decisions += 1
         slow = math.hypot(*joints.velocity.tolist()) < self._settings.velocity_threshold
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
@@ -186,7 +187,8 @@ class Inhibition:
         inhibited = (index > arming.threshold) & ~arming.protected
         return Decision(inhibited, index, slow, Reason.NONE)
 
-    def _nothing(self) -> Decision:
+    def nothing(self) -> Decision:
+        """Return the decision that inhibits nothing, with the reason of the last end."""
         count = self._velocity_limit.size
         return Decision(
             np.zeros(count, dtype=bool), frozen(np.full(count, np.nan)), False, self.reason
@@ -199,17 +201,18 @@ class Inhibition:
             moved = max(map(abs, (joints.position - self._last.position).tolist()))
             if moved > settings.max_joint_speed * elapsed + settings.jump_tolerance:
                 return Reason.STATE_JUMP
-        if self._start is None:
-            self._start = joints.position
+        if self._way is None:
+            # From where it was first seen.
+            self._way = arming.goal - joints.position
+            self._way_length = math.hypot(*self._way.tolist())
         remaining = arming.goal - joints.position
         distance = math.hypot(*remaining.tolist())
         if distance < settings.goal_tolerance:
             return Reason.GOAL_REACHED
-        whole = arming.goal - self._start
         # Passed: the projection on the way from start to goal lies beyond the goal.
-        if float(remaining @ whole) <= 0.0:
+        if remaining @ self._way <= 0.0:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
-        if float(joints.velocity @ whole) / math.hypot(*whole.tolist()) < -settings.reversal_speed:
+        if joints.velocity @ self._way < -settings.reversal_speed * self._way_length:
             return Reason.REVERSED
         return Reason.NONE

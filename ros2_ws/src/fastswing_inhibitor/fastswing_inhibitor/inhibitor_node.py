@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,9 +13,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
+from fastswing_inhibitor.decision_messages import DecisionMessages, RawDecisionMessages
 from fastswing_inhibitor.inhibition import (
     Arming,
-    Decision,
     Inhibition,
     InhibitionSettings,
     Reason,
@@ -24,9 +25,10 @@ from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known
 from fastswing_planner.error_code import error_code
-from fastswing_planner.errors import InvalidLimit, PlannerError
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
+from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
+from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.request import checked_threshold, posture
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.robot import load_robot
@@ -69,6 +71,7 @@ TABLE = (
         0.002,
         0.2,
     ),
+    RAW_MESSAGES,
     Parameter("max_time_limit", 5.0, "Longest time limit of an arming request.", "s", 0.1, 60.0),
     Parameter(
         "velocity_threshold",
@@ -128,9 +131,9 @@ class InhibitorNode(ManagedNode):
         """Load the robot."""
         self._robot = load_robot(resolve_path(parameters["robot_description"]))
         self._max_time_limit: float = parameters["max_time_limit"]
+        self._lease = _duration(parameters["lease"])
         self._request_max_age: float = parameters["request_max_age"]
         self._threshold: float = parameters["threshold"]
-        self._lease = _duration(parameters["lease"])
         model = self._robot.model
         self._inhibition = Inhibition(
             model,
@@ -145,16 +148,29 @@ class InhibitorNode(ManagedNode):
             ),
         )
         self._reader = JointStateReader(model.joint_names)
+        self._raw_states = RawReader(JointState, JointStateReader.NUMBERS)
+        self._raw: bool = parameters["raw_messages"]
 
     def activate(self) -> None:
         """Listen to joint states and offer the services."""
         self._latency = LatencyHistogram()
-        self._latency_bound = list(self._latency.bounds)
+        self._messages = DecisionMessages(
+            self._robot.model.muscle_names, self._lease, self._inhibition, self._latency
+        )
+        self._at_rate = (
+            RawDecisionMessages(self._messages, self._inhibition, self._latency)
+            if self._raw
+            else self._messages
+        )
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         self._override = self.create_publisher(CurrentOverride, "current_override", newest)
         self._status = self.create_publisher(InhibitionStatus, "inhibition_status", 10)
         self._subscription = self.create_subscription(
-            JointState, "joint_states", self.guarded(self._on_joint_state), qos_profile_sensor_data
+            JointState,
+            "joint_states",
+            self.guarded(self._on_raw_joint_state if self._raw else self._on_joint_state),
+            qos_profile_sensor_data,
+            raw=self._raw,
         )
         self._arm_service = self.create_service(
             ArmInhibitor, "arm_inhibitor", self.guarded(self._on_arm)
@@ -174,42 +190,43 @@ class InhibitorNode(ManagedNode):
         self.destroy_publisher(self._override)
         self.destroy_publisher(self._status)
 
-    def _on_joint_state(self, message: JointState) -> None:
+    def _on_raw_joint_state(self, data: bytes) -> None:
+        try:
+            message = self._raw_states.read(data)
+        except InvalidRequest as error:
+            self._states += 1
+            self._reject(error, self.monotonic())
+            return
+        self._on_joint_state(message)
+
+    def _on_joint_state(self, message: JointState | SimpleNamespace) -> None:
         now = self.monotonic()
         self._states += 1
-        inhibition = self._inhibition
+        inhibition, header = self._inhibition, message.header
         try:
-            joints = self._reader.read(message, now - max(self._age(message), 0.0))
+            joints = self._reader.read(message, now - max(self.age(header.stamp), 0.0))
             if not inhibition.armed:
                 inhibition.see(joints.time)
                 return
             decision = inhibition.decide(joints, now)
         except PlannerError as error:
-            self._rejected.count(error)
-            was_armed = inhibition.armed
-            inhibition.reject(now)
-            if was_armed and not inhibition.armed:
-                self._publish_end()
+            self._reject(error, now)
             return
-        muscles = self._robot.model.muscle_names
-        inhibited = [muscles[index] for index in np.flatnonzero(decision.inhibited)]
-        self._override.publish(
-            CurrentOverride(header=message.header, name=inhibited, lease=self._lease)
-        )
-        self._latency.add(self._age(message))
-        self._status.publish(self._status_message(message.header, decision, inhibited))
-        if not inhibition.armed:
-            self._report_end()
+        going_on = decision.reason is Reason.NONE
+        messages = self._at_rate if going_on else self._messages
+        self._override.publish(messages.override(header, decision))
+        self._latency.add(self.age(header.stamp))
+        if going_on:
+            self._status.publish(messages.status(header, decision))
+        else:
+            self._tell_end(header)
 
-    def _age(self, message: JointState) -> float:
-        """Return how old a joint state is by its stamp [s]; negative if a clock jumped.
-
-        Its receipt alone would make states fresh that waited while this process stood still, and
-        EventsExecutor of rclpy 7.1 ends the process when a callback asks for the time of receipt.
-        """
-        stamp = message.header.stamp
-        made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        return float(self.get_clock().now().nanoseconds - made_ns) * 1e-9
+    def _reject(self, error: PlannerError, now: float) -> None:
+        self._rejected.count(error)
+        was_armed = self._inhibition.armed
+        self._inhibition.reject(now)
+        if was_armed and not self._inhibition.armed:
+            self._publish_end()
 
     def _on_watch(self) -> None:
         if not self._inhibition.armed:
@@ -224,49 +241,30 @@ class InhibitorNode(ManagedNode):
             self._publish_end()
 
     def _publish_end(self) -> None:
-        header = Header(stamp=self.get_clock().now().to_msg())
-        self._override.publish(CurrentOverride(header=header, name=[], lease=self._lease))
-        self._status.publish(self._resting_status(header))
-        self._report_end()
+        header = self._header_of_now()
+        self._override.publish(self._messages.override(header, self._inhibition.nothing()))
+        self._tell_end(header)
 
-    def _resting_status(self, header: Header) -> InhibitionStatus:
-        unknown = np.full(len(self._robot.model.muscle_names), np.nan)
-        nothing = np.zeros(unknown.size, dtype=bool)
-        decision = Decision(nothing, unknown, False, self._inhibition.reason)
-        return self._status_message(header, decision, [])
-
-    def _status_message(
-        self, header: Header, decision: Decision, inhibited: list[str]
-    ) -> InhibitionStatus:
-        inhibition, latency = self._inhibition, self._latency
-        return InhibitionStatus(
-            header=header,
-            armed=inhibition.armed,
-            reason=int(decision.reason),
-            reason_text=self._reason_text(decision.reason),
-            threshold=inhibition.threshold,
-            name=self._robot.model.muscle_names,
-            speed_index=decision.speed_index.tolist(),
-            inhibited=inhibited,
-            direction_from_goal=decision.direction_from_goal,
-            decisions=inhibition.decisions,
-            rejected=inhibition.rejected,
-            latency_bound=self._latency_bound,
-            latency_count=latency.counts,
-            latency_max=latency.longest,
+    def _tell_end(self, header: Header | SimpleNamespace) -> None:
+        self._publish_resting_status(header)
+        self._last_end = self._reason_text(self._inhibition.reason)
+        self.get_logger().info(
+            f"disarmed after {self._inhibition.decisions} decisions: {self._last_end}"
         )
+
+    def _publish_resting_status(self, header: Header | SimpleNamespace) -> None:
+        decision = self._inhibition.nothing()
+        text = self._reason_text(decision.reason)
+        self._status.publish(self._messages.status(header, decision, text))
+
+    def _header_of_now(self) -> Header:
+        return Header(stamp=self.get_clock().now().to_msg())
 
     def _reason_text(self, reason: Reason) -> str:
         text = _REASON_TEXTS[reason]
         if reason is Reason.STALE_STATE and self._inhibition.rejected:
             text += f", {self._inhibition.rejected} rejected: {self._rejected.last}"
         return text
-
-    def _report_end(self) -> None:
-        self._last_end = self._reason_text(self._inhibition.reason)
-        self.get_logger().info(
-            f"disarmed after {self._inhibition.decisions} decisions: {self._last_end}"
-        )
 
     def _on_arm(
         self, request: ArmInhibitor.Request, response: ArmInhibitor.Response
@@ -284,7 +282,7 @@ class InhibitorNode(ManagedNode):
             response.error_code = error_code(error)
             response.error_string = str(error)
             return response
-        self._status.publish(self._resting_status(Header(stamp=self.get_clock().now().to_msg())))
+        self._publish_resting_status(self._header_of_now())
         self.get_logger().info(f"armed for at most {arming.time_limit:g} s")
         response.error_code = ErrorCode.SUCCESS
         response.error_string = ""

@@ -19,6 +19,21 @@ def frozen(values: ArrayLike) -> Vector:
     return array
 
 
+def made_frozen(array: Vector) -> Vector:
+    """Return `array` itself, made read-only; for one that was just made and nobody else holds."""
+    array.flags.writeable = False
+    return array
+
+
+def contiguous(indices: ArrayLike) -> NDArray[np.int_] | slice:
+    """Return indices that follow each other as a slice, which copies nothing; others unchanged."""
+    numbers = np.asarray(indices, dtype=int)
+    first = int(numbers[0]) if numbers.size else 0
+    if np.array_equal(numbers, np.arange(first, first + numbers.size)):
+        return slice(first, first + numbers.size)
+    return numbers
+
+
 def frozen_flags(values: ArrayLike) -> NDArray[np.bool_]:
     """Return a read-only copy of `values` as booleans."""
     array = np.array(values, dtype=np.bool_)

@@ -22,8 +22,11 @@ from fastswing_planner.message_schema import (
 
 HEADER_SIZE = 4
 _MAX_PADDING = 3
-_MAX_PADDING_FOR_EMPTY = 4
-"""[bytes] Fast DDS reserves the alignment of elements that do not follow, at the message's end."""
+_MAX_PADDING_FOR_EMPTY = 8
+"""[bytes] Fast DDS reserves the alignment of elements that do not follow, at the message's end.
+
+4 bytes for each empty sequence, and 4 more where that makes a later field's alignment another one.
+"""
 
 _CODES = {
     "bool": "?",

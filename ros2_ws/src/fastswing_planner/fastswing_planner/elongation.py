@@ -24,6 +24,8 @@ def elongation(trajectory: Trajectory, limits: MuscleLimits, kept: BoolVector) -
     It is the largest amount by which a masked muscle's simulated length runs ahead of the
     fastest payout from rest (section III-B of the paper, last paragraph).
     """
+    if kept.all():
+        return frozen(np.zeros(kept.size))
     step_count = trajectory.time.size - 1
     time_step = float(trajectory.time[1]) if step_count else 0.0
     needed = trajectory.muscle_length - trajectory.muscle_length[0]

@@ -18,7 +18,7 @@ from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.plan import SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp_solvers import solver_from
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot import load_robot
@@ -166,7 +166,7 @@ class ExecutorNode(ManagedNode):
         self._links.open()
         robot, settings = self._robot, self._execution_settings
         self._rest = RestWatch(settings.rest_speed, settings.rest_time)
-        planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
+        planner = SwingPlanner(robot.model, robot.limits, solver_from())
         self._around = SwingSurroundings(
             robot, planner.hold, self._rest, settings, self._service_timeout, self._links
         )

@@ -1,9 +1,11 @@
 """How far a held posture is from one that can no longer be held."""
 
+from functools import cache
 from itertools import combinations
 from math import comb
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.qp import QpSolver, QuadraticProgram
@@ -49,13 +51,23 @@ def _distance_to_faces(
     to the arms of n - 1 muscles.
     """
     joint_count = torque.size
-    spans = np.array(list(combinations(range(tension_min.size), joint_count - 1)), dtype=int)
-    normals = np.linalg.svd(muscle_jacobian[spans])[2][:, -1, :]
+    spans = _spans(tension_min.size, joint_count - 1)
+    # The last column of a complete Q is normal to what the others span.
+    columns = np.swapaxes(muscle_jacobian[spans], 1, 2)
+    normals = np.linalg.qr(columns, mode="complete")[0][:, :, -1]
     normals = np.concatenate([normals, -normals])
     # distance = max over f of u^T (-G^T f) - u^T tau^nec, for each normal u
     pull = -normals @ muscle_jacobian.T
     farthest = np.maximum(pull * tension_min, pull * tension_max).sum(axis=1)
     return max(float(np.min(farthest - normals @ torque)), 0.0)
+
+
+@cache
+def _spans(muscle_count: int, size: int) -> NDArray[np.int_]:
+    """Return all sets of so many muscles, shape (sets, size)."""
+    spans = np.array(list(combinations(range(muscle_count), size)), dtype=int)
+    spans.setflags(write=False)
+    return spans
 
 
 def _distance_bound(

@@ -32,6 +32,8 @@ class JointCoupling:
     """Extends the positions of n chosen joints to all of a model's.
 
     Joints that follow a chosen one follow it here too; all others stay at `reference`.
+
+    followers  indices of the joints that follow another or are locked
     """
 
     def __init__(self, model: mujoco.MjModel, joints: Sequence[int], reference: Vector) -> None:
@@ -51,14 +53,10 @@ class JointCoupling:
             if follower.joint in joints:
                 raise RobotDescriptionError(_not_free(model, follower, joints))
         self._followers = _leaders_first(model, followers)
+        self.followers = frozenset(follower.joint for follower in self._followers)
         self._chosen_rates = np.zeros((model.nv, len(joints)))
         self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
         self._chosen_rates.setflags(write=False)
-
-    @property
-    def followers(self) -> frozenset[int]:
-        """Indices of the joints that follow another or are locked."""
-        return frozenset(follower.joint for follower in self._followers)
 
     def set_positions(self, data: mujoco.MjData, joint_position: Vector) -> Matrix:
         """Write qpos of all joints, and return d qvel / d joint velocity, shape (nv, n).

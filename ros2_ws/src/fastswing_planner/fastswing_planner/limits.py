@@ -57,8 +57,12 @@ def muscle_limits(
             ) from error
         vectors.append(vector)
     for (what, low, high, unit), vector in zip(_RANGES, vectors, strict=True):
+        if np.all((vector >= low) & (vector <= high)):
+            continue
         for name, value in zip(muscle_names, vector, strict=True):
             _check(f"{what} of {name}", float(value), low, high, unit)
+    if np.all(vectors[3] > vectors[2]):
+        return MuscleLimits(*vectors)
     for name, least, most in zip(muscle_names, vectors[2], vectors[3], strict=True):
         if not most > least:
             raise InvalidTensionRange(

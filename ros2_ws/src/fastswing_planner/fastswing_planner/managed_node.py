@@ -32,6 +32,11 @@ ROBOT_DESCRIPTION = Parameter(
     MUSASHI,
     "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH.",
 )
+RAW_MESSAGES = Parameter(
+    "raw_messages",
+    True,
+    "Read and write messages at rate in their serialised form; false: the ordinary, slower way.",
+)
 
 # Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others
 # take its port for the dead one's and remove it, and no emergency stop arrives any more.
@@ -230,6 +235,15 @@ class ManagedNode(LifecycleNode):
     def monotonic(self) -> float:
         """Return the monotonic time [s]."""
         return time.monotonic()
+
+    def age(self, stamp: Any) -> float:
+        """Return how old a stamp is on the node's clock [s]; negative if a clock jumped.
+
+        The receipt of a message makes one fresh that waited while this process stood still, and
+        EventsExecutor of rclpy 7.1 ends the process when a callback asks for the time of receipt.
+        """
+        made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        return float(self.get_clock().now().nanoseconds - made_ns) * 1e-9
 
     # Diagnostics.
 

@@ -21,7 +21,7 @@ Bytes = npt.NDArray[np.uint8]
 Times = npt.NDArray[np.int64]
 
 _KEPT_LAYOUTS = 64
-_DTYPES = {
+DTYPES = {
     "bool": "?",
     "int8": "i1",
     "uint8": "u1",
@@ -34,6 +34,7 @@ _DTYPES = {
     "float32": "f4",
     "float64": "f8",
 }
+"""numpy's name of each primitive type, without byte order."""
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def field_paths(schema: Schema) -> dict[str, Column]:
             path = prefix + field.name
             if not is_message(field.type_name):
                 shape = (0,) if field.repeat is Repeat.ONCE else (0, field.count)
-                found[path] = np.empty(shape, _DTYPES.get(field.type_name, "O"))
+                found[path] = np.empty(shape, DTYPES.get(field.type_name, "O"))
             elif field.repeat is Repeat.ONCE:
                 visit(field.type_name, f"{path}.")
 
@@ -218,7 +219,7 @@ def _column(matrix: Bytes, layout: Layout, leaf: Leaf) -> Column:
         column = _text_column(matrix, leaf)
     else:
         order = "<" if layout.little_endian else ">"
-        dtype = np.dtype(order + _DTYPES[leaf.type_name])
+        dtype = np.dtype(order + DTYPES[leaf.type_name])
         begin, count = leaf.offsets[0], leaf.sizes[0]
         raw = np.ascontiguousarray(matrix[:, begin : begin + count * dtype.itemsize])
         if leaf.type_name == "bool":

@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector, frozen, unique_known
+from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.mjcf_names import (
@@ -56,15 +56,25 @@ class MujocoMuscleModel:
         """
         self._model = model
         self._data = mujoco.MjData(model)
+        self._computed = b""
         self.joint_names = tuple(joint_names)
         self.muscle_names = tuple(muscle_names)
         bodies = object_names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
         self.body_names = tuple(name for name in bodies if name)
-        self._tendons = tendon_indices(model, self.muscle_names)
+        self._tendons = contiguous(tendon_indices(model, self.muscle_names))
         joints = joint_indices(model, self.joint_names)
         limited = model.jnt_limited[joints].astype(bool)
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
+        self._dofs = contiguous(model.jnt_dofadr[joints])
+        # Views of MuJoCo's memory: looked up once.
+        self._path_length = self._data.ten_length
+        self._sparse = (
+            self._data.ten_J,
+            model.ten_J_rownnz,
+            model.ten_J_rowadr,
+            model.ten_J_colind,
+        )
         reference = reference_position(model, keyframe)
         self._coupling = JointCoupling(model, joints, reference)
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
@@ -74,6 +84,7 @@ class MujocoMuscleModel:
 
     def full_position(self, joint_position: Vector) -> Vector:
         """Return MuJoCo's `qpos` of a posture: all joints of the MJCF, shape (nq,)."""
+        self._computed = b""
         self._coupling.set_positions(self._data, joint_position)
         return frozen(self._data.qpos)
 
@@ -91,29 +102,36 @@ class MujocoMuscleModel:
         }
 
     def _update(self, joint_position: Vector) -> Matrix:
-        """Compute positions; return d qvel / d joint velocity, shape (nv, n)."""
-        rates = self._coupling.set_positions(self._data, joint_position)
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        return rates
+        """Compute positions and tendons; return d qvel / d joint velocity, shape (nv, n)."""
+        # A swing asks for lengths and Jacobian of each of its postures.
+        wanted = np.asarray(joint_position, dtype=float).tobytes()
+        if wanted != self._computed:
+            self._rates = self._coupling.set_positions(self._data, joint_position)
+            mujoco.mj_kinematics(self._model, self._data)
+            mujoco.mj_comPos(self._model, self._data)
+            mujoco.mj_tendon(self._model, self._data)
+            self._computed = wanted
+        return self._rates
 
     def lengths(self, joint_position: Vector) -> Vector:
         """Return the muscles' path lengths [m], shape (m,)."""
         self._update(joint_position)
-        mujoco.mj_tendon(self._model, self._data)
-        return frozen(self._data.ten_length[self._tendons])
+        return frozen(self._path_length[self._tendons])
 
     def jacobian(self, joint_position: Vector) -> Matrix:
         """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
-        mujoco.mj_tendon(self._model, self._data)
-        arms = tendon_jacobian(self._model, self._data)[self._tendons] @ rates
-        return frozen(np.where(np.abs(arms) < _SMALLEST_ARM, 0.0, arms))
+        # MuJoCo stores it sparse, one row per tendon (since 3.17; the indices are the model's).
+        dense = np.zeros((self._model.ntendon, self._model.nv))
+        mujoco.mju_sparse2dense(dense, *self._sparse)
+        rows = dense[self._tendons]
+        arms = rows @ rates if self._coupling.followers else rows[:, self._dofs]
+        arms[np.abs(arms) < _SMALLEST_ARM] = 0.0
+        return made_frozen(arms)
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""
         rates = self._update(joint_position)
-        mujoco.mj_tendon(self._model, self._data)
         mujoco.mj_passive(self._model, self._data)
         torque = np.zeros(self._model.nv)
         mujoco.mj_rne(self._model, self._data, 0, torque)
@@ -157,15 +175,3 @@ class MujocoMuscleModel:
                     f"the muscle Jacobian is singular: no chosen muscle moves joint '{name}'; "
                     "leave the joint out or add its muscles"
                 )
-
-
-def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Matrix:
-    """Return d length / d dof of all tendons [m/rad], shape (ntendon, nv).
-
-    MuJoCo stores it sparse, one row per tendon (since 3.17; the index arrays are the model's).
-    """
-    dense = np.zeros((model.ntendon, model.nv))
-    mujoco.mju_sparse2dense(
-        dense, data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-    )
-    return dense

@@ -15,6 +15,7 @@ from fastswing_planner.errors import (
 )
 from fastswing_planner.holding import Holding, hold
 from fastswing_planner.holding_margin import holding_margin
+from fastswing_planner.known_swings import KnownSwings
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.mask_search import (
     Candidate,
@@ -152,14 +153,15 @@ class SwingPlanner:
         task = checked_task(self._model, self._limits, request)
         self._require_muscles_for_every_joint(task)
         index = swing_speed_index(self._model, task.start, task.end, task.limits.velocity)
-        search = self._search(task, index, clock)
+        swings = KnownSwings(lambda kept, like: self._simulate(task, kept, like))
+        search = self._search(task, index, swings, clock)
         final = self._hold(task.end, task.limits, task.payload, None, task.holding_weight)
         if not final.feasible:
             raise HoldingInfeasible(
                 f"the end posture cannot be held: {final.residual:.3g} N m are missing; choose "
                 "another end posture, less payload or a wider tension range"
             )
-        best, inhibited = self._with_inhibition(task, index, search.best)
+        best, inhibited = _with_inhibition(task, index, search.best, swings)
         plan = SwingPlan(
             joint_names=self._model.joint_names,
             muscle_names=self._model.muscle_names,
@@ -201,7 +203,11 @@ class SwingPlanner:
             ("midpoint", (task.start + task.end) / 2.0),
             ("end", task.end),
         ):
-            _, sizes, rows = np.linalg.svd(self._model.jacobian(posture))
+            muscle_jacobian = self._model.jacobian(posture)
+            sizes = np.linalg.svd(muscle_jacobian, compute_uv=False)
+            if sizes.size == posture.size and sizes[-1] > _FULL_RANK * sizes[0]:
+                continue
+            _, sizes, rows = np.linalg.svd(muscle_jacobian)
             loose = rows[np.count_nonzero(sizes > _FULL_RANK * sizes[0]) :]
             if loose.size:
                 names = [
@@ -218,23 +224,31 @@ class SwingPlanner:
                 )
 
     def _search(
-        self, task: SwingTask, index: Vector, clock: Callable[[], float] | None
+        self,
+        task: SwingTask,
+        index: Vector,
+        swings: KnownSwings,
+        clock: Callable[[], float] | None,
     ) -> SearchResult:
+        muscle_jacobian = self._model.jacobian(task.start)
+        torque = self._model.gravity_torque(task.start, task.payload)
+
         def hold_start(kept: BoolVector) -> Holding:
-            return self._hold(task.start, task.limits, task.payload, kept, task.holding_weight)
+            weight = task.holding_weight
+            return hold(self._solver, muscle_jacobian, torque, task.limits, kept, weight)
 
         candidates = antagonists(index, task.protected) if task.method.elongates else []
         search = MaskSearch(
             index.size,
             hold_start,
-            lambda kept: self._simulate(task, kept),
+            swings.swing,
             _deadline(task, clock, len(candidates)),
         )
         if task.search is Search.EXHAUSTIVE:
             return search.exhaustive(candidates, task.limits.tension_min)
         return search.greedy(candidates)
 
-    def _simulate(self, task: SwingTask, kept: BoolVector) -> Trajectory:
+    def _simulate(self, task: SwingTask, kept: BoolVector, like: Trajectory | None) -> Trajectory:
         return simulate_swing(
             self._model,
             self._solver,
@@ -244,18 +258,8 @@ class SwingPlanner:
             kept,
             task.settings,
             task.swing_weight,
+            like,
         )
-
-    def _with_inhibition(
-        self, task: SwingTask, index: Vector, best: Candidate
-    ) -> tuple[Candidate, BoolVector]:
-        """Return the swing that Method 1 makes of the best mask, and what it inhibits."""
-        if not task.method.inhibits:
-            return best, np.zeros(index.size, dtype=bool)
-        # o[i] = 0 if q[i] > C (eq. 5): the simulation of section IV-C masks these muscles.
-        inhibited = (index > task.threshold) & ~task.protected & best.kept
-        kept = best.kept & ~inhibited
-        return Candidate(kept, best.holding, self._simulate(task, kept)), inhibited
 
     def _margin(self, task: SwingTask, best: Candidate) -> float:
         kept, limits = best.kept, task.limits
@@ -267,6 +271,18 @@ class SwingPlanner:
             limits.tension_max[kept],
             best.holding.tension[kept],
         )
+
+
+def _with_inhibition(
+    task: SwingTask, index: Vector, best: Candidate, swings: KnownSwings
+) -> tuple[Candidate, BoolVector]:
+    """Return the swing that Method 1 makes of the best mask, and what it inhibits."""
+    if not task.method.inhibits:
+        return best, np.zeros(index.size, dtype=bool)
+    # o[i] = 0 if q[i] > C (eq. 5): the simulation of section IV-C masks these muscles.
+    inhibited = (index > task.threshold) & ~task.protected & best.kept
+    kept = best.kept & ~inhibited
+    return Candidate(kept, best.holding, swings.swing(kept)), inhibited
 
 
 def _deadline(

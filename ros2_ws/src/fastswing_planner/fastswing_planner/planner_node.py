@@ -17,7 +17,7 @@ from fastswing_planner.plan_conversion import (
     plan_to_message,
     request_from_message,
 )
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp_solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.swing import SETTING_RANGES, SwingSettings
@@ -34,7 +34,7 @@ TABLE = (
     ROBOT_DESCRIPTION,
     Parameter(
         "solver",
-        next(iter(SOLVERS)),
+        DEFAULT_SOLVER,
         "What solves the quadratic programs; daqp is the faster one.",
         choices=tuple(SOLVERS),
     ),

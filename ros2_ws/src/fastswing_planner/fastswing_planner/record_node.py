@@ -116,7 +116,7 @@ class _Recorded:
         self.earlier_messages, self.earlier_lost = self.messages, self.lost
 
 
-class _WithInfo:
+class WithInfo:
     """Makes rclpy pass the message information along.
 
     EventsExecutor of rclpy 7.1 passes message and information as one tuple, every other executor
@@ -126,9 +126,11 @@ class _WithInfo:
     __signature__ = inspect.signature(lambda data, info: None)
 
     def __init__(self, handle: Callable[[bytes, Mapping[str, Any]], None]) -> None:
+        """`handle` gets message and information."""
         self._handle = handle
 
     def __call__(self, *arguments: Any) -> None:
+        """Pass message and information on."""
         data, info = arguments if len(arguments) == 2 else arguments[0]
         self._handle(data, info)
 
@@ -252,7 +254,7 @@ class RecordNode(ManagedNode):
         recorded.subscription = self.create_subscription(
             recorded.message_class,
             recorded.topic.name,
-            _WithInfo(self.guarded(handle)),
+            WithInfo(self.guarded(handle)),
             recorded.qos,
             raw=True,
         )

@@ -272,9 +272,10 @@ def _checked_weight(
     if not np.isfinite(given).all():
         raise NotFinite(f"{what} holds {given[~np.isfinite(given)][0]}, expected finite numbers")
     weight = np.eye(len(valid))
-    if given.size:
-        diagonal = given.size == count
-        weight[np.ix_(index, index)] = np.diag(given) if diagonal else given.reshape(count, count)
+    if not given.size:
+        return frozen(weight)
+    diagonal = given.size == count
+    weight[np.ix_(index, index)] = np.diag(given) if diagonal else given.reshape(count, count)
     size = float(np.abs(weight).max()) or 1.0
     weight = weight / size
     if not np.allclose(weight, weight.T, rtol=0.0, atol=1e-9):

@@ -1,8 +1,8 @@
 """Which muscles restrain a motion, and how much."""
 
-import numpy as np
+import math
 
-from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.arrays import Matrix, Vector, made_frozen
 from fastswing_planner.errors import StartEqualsEnd
 from fastswing_planner.muscle_model import MuscleModel
 
@@ -15,11 +15,11 @@ def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
 
     Raises StartEqualsEnd for a zero direction, which has no moment arm.
     """
-    norm = float(np.linalg.norm(direction))
+    norm = math.sqrt(direction @ direction)
     if not norm > 0.0:
         raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
     # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
-    return frozen(muscle_jacobian @ (direction / norm))
+    return made_frozen(muscle_jacobian @ (direction / norm))
 
 
 def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
@@ -29,7 +29,7 @@ def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
     velocity_limit     l_dot^limit [m/s], shape (m,), positive
     """
     # q = r (/) l_dot^limit  (eq. 4 of the paper)
-    return frozen(muscle_moment_arm / velocity_limit)
+    return made_frozen(muscle_moment_arm / velocity_limit)
 
 
 def swing_speed_index(

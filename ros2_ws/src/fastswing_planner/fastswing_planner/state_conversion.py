@@ -1,13 +1,19 @@
-"""Joint and muscle states to arrays in the robot's order; names are looked up once."""
+"""Joint and muscle states to arrays in the robot's order; names are looked up once.
 
+A message here is the ordinary one or the plain object that RawReader makes of it.
+"""
+
+import math
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.arrays import BoolVector, Vector, made_frozen
 from fastswing_planner.errors import NotFinite, PlannerError, UnknownName, WrongLength
+from fastswing_planner.raw_messages import STAMP
 from fastswing_planner.swing_execution import JointMeasurement, MuscleMeasurement
 
 
@@ -39,20 +45,24 @@ class NamedColumns:
         if len(values) != len(names):
             raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
         picked = np.asarray(values, dtype=float)[self._index]
-        if not np.isfinite(picked).all():
+        # The product is quick, and finite unless numbers are huge, which then are looked at again.
+        if not math.isfinite(picked @ picked) and not np.isfinite(picked).all():
             bad = int(np.flatnonzero(~np.isfinite(picked))[0])
             raise NotFinite(f"{what} of {self._names[bad]} is {picked[bad]}")
-        return frozen(picked)
+        return made_frozen(picked)
 
 
 class JointStateReader:
     """Reads `sensor_msgs/JointState`; velocities are required."""
 
+    NUMBERS = (*STAMP, "position", "velocity")
+    """What a RawReader has to read for it."""
+
     def __init__(self, joint_names: Sequence[str]) -> None:
         """Read the joints with these names."""
         self._columns = NamedColumns("joint", joint_names)
 
-    def read(self, message: JointState, time: float) -> JointMeasurement:
+    def read(self, message: JointState | SimpleNamespace, time: float) -> JointMeasurement:
         """Return the measurement received at `time` [s]; raises InvalidRequest."""
         return JointMeasurement(
             time,
@@ -64,31 +74,35 @@ class JointStateReader:
 class MuscleStateReader:
     """Reads `fastswing_msgs/MuscleState`."""
 
+    NUMBERS = ("length", "velocity", "tension", "mode", "fault", "holds")
+    """What a RawReader has to read for it."""
+
     def __init__(self, muscle_names: Sequence[str]) -> None:
         """Read the muscles with these names."""
         self._columns = NamedColumns("muscle", muscle_names)
 
-    def read(self, message: MuscleState, time: float) -> MuscleMeasurement:
+    def read(self, message: MuscleState | SimpleNamespace, time: float) -> MuscleMeasurement:
         """Return the measurement received at `time` [s]; raises InvalidRequest."""
         names = message.name
         for what, values in (("fault", message.fault), ("mode", message.mode)):
             if len(values) != len(names):
                 raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
-        zero_current, length = MuscleState.MODE_ZERO_CURRENT, MuscleState.MODE_LENGTH
+        limp = np.equal(message.mode, MuscleState.MODE_ZERO_CURRENT)
+        held = np.equal(message.mode, MuscleState.MODE_LENGTH)
         return MuscleMeasurement(
             time,
             self._columns.pick("length", names, message.length),
             self._columns.pick("velocity", names, message.velocity),
             self._columns.pick("tension", names, message.tension),
-            self._chosen(names, [bool(fault) for fault in message.fault]),
-            self._chosen(names, [mode == zero_current for mode in message.mode]),
-            self._chosen(names, [mode not in (zero_current, length) for mode in message.mode]),
+            _chosen(names, np.not_equal(message.fault, MuscleState.FAULT_NONE)),
+            _chosen(names, limp),
+            _chosen(names, ~(limp | held)),
             message.holds,
         )
 
-    @staticmethod
-    def _chosen(names: Sequence[str], marks: Sequence[bool]) -> tuple[str, ...]:
-        return tuple(name for name, mark in zip(names, marks, strict=True) if mark)
+
+def _chosen(names: Sequence[str], marks: BoolVector) -> tuple[str, ...]:
+    return tuple(names[index] for index in marks.nonzero()[0].tolist())
 
 
 class RejectionCounter:

@@ -1,16 +1,18 @@
 """The kinematic swing (QP 2, eq. 7 of the paper)."""
 
+import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
+from fastswing_planner.arrays import BoolVector, Matrix, Vector, contiguous, frozen, frozen_flags
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.qp import QpSolver, QuadraticProgram
-from fastswing_planner.ramp import velocity_bounds
+from fastswing_planner.ramp import ramp_bounds
 
 # The QP's rows are scaled by this, which brings their numbers near one.
 _ARM_UNIT = 0.04  # [m/rad]
@@ -91,9 +93,10 @@ def build_swing_step(
     """
     # minimise (theta_end - theta - dtheta)^T W2 (theta_end - theta - dtheta)
     # subject to  l_dot^min dt <= G(theta) dtheta <= l_dot^max dt  (eq. 7, bounds of eqs. 8 and 9)
+    cost = 2.0 * weight
     return QuadraticProgram(
-        P=2.0 * weight,
-        c=-2.0 * weight @ remaining,
+        P=cost,
+        c=-cost.dot(remaining),
         A=np.zeros((0, remaining.size)),
         b=np.zeros(0),
         C=muscle_jacobian / _ARM_UNIT,
@@ -111,22 +114,24 @@ def simulate_swing(
     kept: BoolVector,
     settings: SwingSettings,
     weight: Matrix | None = None,
+    like: Trajectory | None = None,
 ) -> Trajectory:
     """Simulate how fast the kept muscles let the arm come from `start` to `end`.
 
     start, end  [rad] shape (n,)
     kept        the mask m of the paper as booleans, shape (m,); masked muscles bound nothing
     weight      W2, shape (n, n); identity if None
+    like        the same swing with more muscles kept: what both share is not simulated again
 
     Raises SwingBlocked, naming joints and muscles, if the swing stops short of its end.
     """
-    dt = settings.time_step
+    dt, chosen = settings.time_step, contiguous(np.flatnonzero(kept))
+    gain, slowest = limits.acceleration * dt, -limits.velocity
     weight = np.eye(start.size) if weight is None else weight
-    position, velocity = start, np.zeros(kept.size)
-    at_limit = np.zeros(kept.size, dtype=bool)
-    rows = [(position, np.zeros(start.size), model.lengths(position), velocity, at_limit)]
-    progress = [_weighted_norm(end - position, weight)]
-    while float(np.linalg.norm(end - position)) >= settings.epsilon:
+    rows = [_at_rest(model, start)] if like is None else _shared_steps(like, kept)
+    progress = [_weighted_norm(end - row.position, weight) for row in rows]
+    position, _, _, velocity, at_limit = rows[-1]
+    while math.dist(end, position) >= settings.epsilon:
         stuck = (
             len(rows) > _STUCK_STEPS
             and progress[-1 - _STUCK_STEPS] - progress[-1] < _STUCK_PROGRESS
@@ -134,17 +139,14 @@ def simulate_swing(
         if stuck or len(rows) > settings.max_steps:
             raise SwingBlocked(_blocked_text(model, end - position, at_limit, len(rows) - 1))
         muscle_jacobian = model.jacobian(position)
-        low, high = velocity_bounds(velocity, limits.velocity, limits.acceleration, dt)
-        step = solver.solve(
-            build_swing_step(
-                muscle_jacobian[kept], end - position, low[kept] * dt, high[kept] * dt, weight
-            )
-        )
+        low, high = ramp_bounds(velocity, gain, slowest, limits.velocity)
+        arms, least, most = muscle_jacobian[chosen], low[chosen] * dt, high[chosen] * dt
+        step = solver.solve(build_swing_step(arms, end - position, least, most, weight))
         # theta <- theta + dtheta
         position = position + step
         velocity = muscle_jacobian @ step / dt
         at_limit = kept & ((velocity <= low + _ACTIVE) | (velocity >= high - _ACTIVE))
-        rows.append((position, step / dt, model.lengths(position), velocity, at_limit))
+        rows.append(_Step(position, step / dt, model.lengths(position), velocity, at_limit))
         progress.append(_weighted_norm(end - position, weight))
     positions, velocities, lengths, muscle_velocities, limits_met = zip(*rows, strict=True)
     return Trajectory(
@@ -157,9 +159,47 @@ def simulate_swing(
     )
 
 
+class _Step(NamedTuple):
+    """One row of a Trajectory."""
+
+    position: Vector
+    velocity: Vector
+    muscle_length: Vector
+    muscle_velocity: Vector
+    at_limit: BoolVector
+
+
+def _at_rest(model: MuscleModel, start: Vector) -> _Step:
+    length = model.lengths(start)
+    still = np.zeros(length.size)
+    return _Step(start, np.zeros(start.size), length, still, np.zeros(length.size, dtype=bool))
+
+
+def shared_step_count(like: Trajectory, kept: BoolVector) -> int:
+    """Return how many rows of a swing stay when it keeps no other muscles than `kept`.
+
+    They end before the first step that one of the others held back: QP 2 is strictly convex, so
+    without bounds that are not met its minimum is the same.
+    """
+    held_back = like.at_limit[:, ~kept].any(axis=1)
+    return int(np.argmax(held_back)) if held_back.any() else held_back.size
+
+
+def _shared_steps(like: Trajectory, kept: BoolVector) -> list[_Step]:
+    count = shared_step_count(like, kept)
+    columns = (
+        like.joint_position,
+        like.joint_velocity,
+        like.muscle_length,
+        like.muscle_velocity,
+        like.at_limit,
+    )
+    return [_Step(*row) for row in zip(*(column[:count] for column in columns), strict=True)]
+
+
 def _weighted_norm(remaining: Vector, weight: Matrix) -> float:
     """Return the root of what QP 2 minimises: no step may raise it."""
-    return float(np.sqrt(remaining @ weight @ remaining))
+    return math.sqrt(remaining.dot(weight.dot(remaining)))
 
 
 def _blocked_text(

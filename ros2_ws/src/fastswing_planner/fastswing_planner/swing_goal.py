@@ -39,6 +39,8 @@ from fastswing_planner.swing_execution import (
 _LONGEST_SEARCH_SEC = 3600.0
 _CONFIRM_SEC = 1.0
 """Longest wait for bridge and inhibitor when a swing is stopped."""
+_RELEASE_SEC = 0.25
+"""Then as long for muscles that the inhibitor let go: the longest lease, and some way."""
 _SETTLED_SEC = 0.05
 """By then every state was made after the goal began."""
 
@@ -82,6 +84,8 @@ class SwingGoal:
         self.error: PlannerError | None = None
         """Why the goal was stopped."""
         self._stop_deadline = np.nan
+        self._confirmed: float | None = None  # [s] when bridge and inhibitor had confirmed it
+        self._muscles: MuscleMeasurement | None = None
         self._holding: Future | None = None
         self._disarming: list[Future] = []
         self.finished = Future()
@@ -121,6 +125,7 @@ class SwingGoal:
         """Take a muscle state."""
         if self._holds is None and muscles.time > self._began + _SETTLED_SEC:
             self._holds = muscles.holds
+        self._muscles = muscles
         if self._execution is not None:
             self._execution.add_muscles(muscles)
 
@@ -293,9 +298,21 @@ class SwingGoal:
         self._disarm()
 
     def stopped(self, now: float) -> bool:
-        """Return whether bridge and inhibitor have confirmed the stop, or did not in time."""
+        """Return whether the arm is held: bridge and inhibitor say so, and no muscle is limp.
+
+        Or it is not in time.
+        """
         calls = [*self._disarming, *filter(None, (self._holding, self._arming))]
-        return now > self._stop_deadline or all(call.done() for call in calls)
+        if now > self._stop_deadline or self._execution is None:
+            return now > self._stop_deadline or all(call.done() for call in calls)
+        if self._confirmed is None and all(call.done() for call in calls):
+            self._confirmed = now
+        if self._confirmed is None:
+            return False
+        # The inhibitor's last override may still be on its way to the bridge when both answer.
+        muscles = self._muscles
+        seen = muscles is not None and muscles.time > self._confirmed and not muscles.limp
+        return seen or now > self._confirmed + _RELEASE_SEC
 
     def finish(self) -> None:
         """Write the result."""

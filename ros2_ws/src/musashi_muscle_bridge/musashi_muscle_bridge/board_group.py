@@ -10,6 +10,7 @@ from musashi_muscle_bridge.arbiter import Setpoints
 from musashi_muscle_bridge.errors import FrameError
 from musashi_muscle_bridge.protocol import (
     COMMAND_ROW,
+    STATE_ROW,
     CommandFrame,
     Fault,
     Mode,
@@ -56,6 +57,7 @@ class GroupControl:
         self._healthy = bytes([_NO_FAULT] * count)
         self._rows = np.zeros(count, dtype=COMMAND_ROW)
         self._rows["id"] = self._ids
+        self._id_bytes = np.array(self._ids, STATE_ROW["id"]).tobytes()
         self._rows["tension_limit"] = robot.tension_limit[self.muscles]
         self._rows["current_limit"] = robot.current_limit[self.muscles]
         self._setpoints: Setpoints | None = None  # those that stand in the rows
@@ -86,13 +88,14 @@ class GroupControl:
 
     def check(self, state: StateFrame) -> None:
         """Raise FrameError unless `state` is one of this group."""
-        if len(state.rows) != len(self._ids) or not np.array_equal(state.rows["id"], self._ids):
+        if state.rows["id"].tobytes() != self._id_bytes:
             raise FrameError(
                 f"the boards answer for muscles {state.rows['id'].tolist()}, expected 0 to "
                 f"{len(self._ids) - 1}: do robot_description and boards belong together?"
             )
         for field in ("length", "velocity", "tension"):
-            if not np.isfinite(state.rows[field]).all():
+            # In each period: numpy counts ten times as fast as it asks for `all`.
+            if np.count_nonzero(np.isfinite(state.rows[field])) < len(self._ids):
                 raise FrameError(f"the boards report a {field} that is not finite")
         joints = self.joints.size
         if len(state.joints) != joints:

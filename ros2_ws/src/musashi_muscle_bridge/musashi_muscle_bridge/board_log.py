@@ -3,11 +3,14 @@
 Tab-separated, one line per event, each written at once: a process that is killed loses none.
 
     command  time  group  session  sequence  modes  setpoints  limit  board modes  faults  tension
+    answer   time  group  sequence  arrived  measured
     boards   time  board modes  faults  silence  tension
 
 time [s] is CLOCK_MONOTONIC, the same for all processes of a machine. group counts the buses from 0;
 a command is for the muscles of its group. Modes and faults are one digit for each muscle, setpoints
-[m], [N] or [A] by mode. limit (of the tension) and tension [N] are the largest of all muscles.
+[m], [N] or [A] by mode. limit (of the tension) and tension [N] are the largest of all muscles. An
+answer tells the state of `measured` and left at `time`; the frame of that sequence had `arrived` at
+this computer then, however late this process read it.
 silence [s] is the boards' own time since the last command when the latest fault latched, the
 largest of all faulty boards: it does not depend on when the process ran.
 """
@@ -18,6 +21,7 @@ from numpy.typing import NDArray
 
 from fastswing_planner.parameters import InvalidParameter
 from musashi_muscle_bridge.board import Boards
+from musashi_muscle_bridge.emulated_bus import Served
 from musashi_muscle_bridge.protocol import CommandFrame
 
 
@@ -49,6 +53,13 @@ class BoardLog:
             f"{setpoints}\t{rows['tension_limit'].max():.3f}\t{self._condition(boards)}\n"
         )
         self.changes(now, boards)
+
+    def answer(self, sent: float, group: int, served: Served) -> None:
+        """Write that an answer of a group of boards left at `sent` [s]."""
+        self._write(
+            f"answer\t{sent:.6f}\t{group}\t{served.sequence}\t"
+            f"{served.arrived:.6f}\t{served.measured:.6f}\n"
+        )
 
     def changes(self, now: float, boards: Boards) -> None:
         """Write the boards' modes and faults if they changed since the last call."""

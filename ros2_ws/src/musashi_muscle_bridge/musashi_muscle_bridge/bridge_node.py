@@ -7,12 +7,10 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time as TimeMessage
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from fastswing_msgs.msg import (
@@ -22,7 +20,7 @@ from fastswing_msgs.msg import (
     MuscleState,
     TensionCommand,
 )
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
@@ -49,6 +47,7 @@ from musashi_muscle_bridge.orders import (
     Override,
 )
 from musashi_muscle_bridge.protocol import Fault, Mode, WatchdogAction
+from musashi_muscle_bridge.state_messages import OrdinaryStates, RawStates, Stamp, reported_faults
 
 _COMMANDS = {
     Mode.LENGTH: (LengthCommand, "length_command", "length"),
@@ -108,6 +107,7 @@ TABLE = (
         0.0,
         1.0,
     ),
+    RAW_MESSAGES,
 )
 
 
@@ -119,9 +119,7 @@ class BridgeNode(ManagedNode):
         super().__init__("bridge", TABLE)
         self._counts: dict[str, int] = {}  # of commands, by what was wrong with them
         self._last_rejection = ""
-        self._faults: tuple[str, ...] = ()
-        self._refused = 0
-        self._slack = ""
+        self._measured: Measurement | None = None  # the newest
         self._holds = 0  # so that a running swing notices that somebody holds the arm
         self._emergency_latched = False  # over a deactivation
         self._inputs: list[Any] = []
@@ -153,6 +151,8 @@ class BridgeNode(ManagedNode):
         )
         if self._emergency_latched:
             control.arbiter.emergency_stop()
+        messages = RawStates if parameters["raw_messages"] else OrdinaryStates
+        self._messages = messages(self._names, self._robot.model.joint_names)
         newest = QoSProfile(depth=1)
         self._muscle_state = self.create_publisher(MuscleState, "muscle_state", newest)
         self._joint_state = self.create_publisher(JointState, "joint_states", newest)
@@ -307,43 +307,15 @@ class BridgeNode(ManagedNode):
     # States.
 
     def _publish(self, measured: Measurement) -> None:
-        header = Header(stamp=self._stamp(measured.received))
-        rows, joints = measured.state.rows, measured.state.joints
-        silent = measured.lost & (rows["fault"] == Fault.NONE)
-        fault = np.where(silent, np.uint8(Fault.BUS), rows["fault"])
-        self._faults = tuple(
-            f"{name} {_FAULT_NAMES.get(int(number), f'fault {number}')}"
-            for name, number in zip(self._names, fault, strict=True)
-            if number
-        )
-        self._slack = self._named(slack(measured.state))
-        self._refused = int(rows["refused"].max(initial=0))
-        self._muscle_state.publish(
-            MuscleState(
-                header=header,
-                name=self._names,
-                length=rows["length"].tolist(),
-                velocity=rows["velocity"].tolist(),
-                tension=rows["tension"].tolist(),
-                current=rows["current"].tolist(),
-                temperature=rows["temperature"].tolist(),
-                mode=rows["mode"].tolist(),
-                fault=fault.tolist(),
-                holds=self._holds,
-            )
-        )
-        if not measured.joints_fresh:
-            return  # what is not measured now is not told: whoever needs it notices its age
-        self._joint_state.publish(
-            JointState(
-                header=header,
-                name=self._robot.model.joint_names,
-                position=joints["position"].tolist(),
-                velocity=joints["velocity"].tolist(),
-            )
-        )
+        self._measured = measured
+        stamp = self._stamp(measured.received)
+        # What is not measured now is not told: whoever needs it notices its age. Joints first: the
+        # inhibitor waits for them.
+        if measured.joints_fresh:
+            self._joint_state.publish(self._messages.joint_state(stamp, measured))
+        self._muscle_state.publish(self._messages.muscle_state(stamp, measured, self._holds))
 
-    def _stamp(self, received: float) -> TimeMessage:
+    def _stamp(self, received: float) -> Stamp:
         """Return the node's time at the monotonic time `received` [s]."""
         clock = self.get_clock()
         for _ in range(_CLOCK_READINGS):
@@ -353,7 +325,7 @@ class BridgeNode(ManagedNode):
                 break
         # A simulated clock may not have begun yet.
         made = max(now - round((monotonic - received) * 1e9), 0)
-        return TimeMessage(sec=made // 1_000_000_000, nanosec=made % 1_000_000_000)
+        return Stamp(*divmod(made, 1_000_000_000))
 
     # Diagnostics.
 
@@ -363,30 +335,40 @@ class BridgeNode(ManagedNode):
             return DiagnosticStatus.OK, "inactive", {}
         status = self._loop.status
         report = status.report
-        latched, rebooted = self._named(report.latched), self._named(report.rebooted)
         values: dict[str, object] = {
             "read_only": self._values["read_only"],
             "emergency_stop": report.emergency,
             "overridden": self._named(report.overridden),
             "clamped": report.clamped,
-            "faults": ", ".join(self._faults),
-            "latched": latched,
-            "rebooted": rebooted,
+            "latched": self._named(report.latched),
+            "rebooted": self._named(report.rebooted),
             "lost": self._named(report.lost),
-            "slack": self._slack,
-            "refused_by_boards": self._refused,
+            **self._told_by_boards(),
         }
         values |= status.statistics
         values["unpublished_states"] = self._loop.unpublished
         values |= self._counts
-        for problem, level, text in self._problems(latched, rebooted, report.emergency):
+        for problem, level, text in self._problems(values):
             if problem:
                 return level, text, values
         return DiagnosticStatus.OK, "read only" if self._values["read_only"] else "ok", values
 
-    def _problems(
-        self, latched: str, rebooted: str, emergency: bool
-    ) -> Iterator[tuple[object, bytes, str]]:
+    def _told_by_boards(self) -> dict[str, object]:
+        measured = self._measured
+        if measured is None:
+            return {"faults": "", "slack": "", "refused_by_boards": 0}
+        faults = [
+            f"{name} {_FAULT_NAMES.get(number, f'fault {number}')}"
+            for name, number in zip(self._names, reported_faults(measured).tolist(), strict=True)
+            if number
+        ]
+        return {
+            "faults": ", ".join(faults),
+            "slack": self._named(slack(measured.state)),
+            "refused_by_boards": int(measured.state.rows["refused"].max(initial=0)),
+        }
+
+    def _problems(self, values: Mapping[str, object]) -> Iterator[tuple[object, bytes, str]]:
         """Yield what can be wrong, the worst first: whether it is, its level and its text."""
         topics = [topic for _, topic, _ in _COMMANDS.values()] + [_OVERRIDE]
         doubled = [topic for topic in topics if self.count_publishers(topic) > 1]
@@ -396,14 +378,17 @@ class BridgeNode(ManagedNode):
         yield not self._loop.answers, error, self._failure()
         # What they latch meanwhile follows from it.
         yield silent, error, f"the boards do not answer{where}"
-        boards = f"boards started again, at zero current until clear_faults: {rebooted}"
-        yield rebooted, error, boards
-        yield latched, error, f"latched until clear_faults: {latched}"
-        yield self._faults, error, f"faults: {', '.join(self._faults)}"
-        yield emergency, error, "emergency stop, see clear_faults"
+        for key, text in (
+            ("rebooted", "boards started again, at zero current until clear_faults: {}"),
+            ("latched", "latched until clear_faults: {}"),
+            ("faults", "faults: {}"),
+            ("emergency_stop", "emergency stop, see clear_faults"),
+        ):
+            yield values[key], error, text.format(values[key])
         yield self._loop.failures, error, "states cannot be published, see the log"
         yield doubled, error, f"two publishers on {', '.join(doubled)}"
-        yield self._slack, DiagnosticStatus.WARN, f"slack in tension mode: {self._slack}"
+        slack_muscles = values["slack"]
+        yield slack_muscles, DiagnosticStatus.WARN, f"slack in tension mode: {slack_muscles}"
         yield self._last_rejection, DiagnosticStatus.WARN, f"rejected {self._last_rejection}"
 
     def _named(self, chosen: NDArray[np.bool_]) -> str:

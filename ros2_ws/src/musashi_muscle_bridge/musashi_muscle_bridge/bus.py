@@ -1,5 +1,6 @@
 """How frames travel between bridge and boards."""
 
+import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from importlib.metadata import entry_points
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -40,10 +41,15 @@ class _Closable(Protocol):
 
 
 class Received(NamedTuple):
-    """A frame and where it came from; None on a bus with a single bridge."""
+    """A frame that came.
+
+    sender   where it came from; None on a bus with a single bridge
+    arrived  monotonic time [s] at which it reached this computer; NaN: the bus cannot tell
+    """
 
     frame: bytes
     sender: Hashable
+    arrived: float = math.nan
 
 
 class BoardPort(Protocol):

@@ -1,27 +1,44 @@
 """The boards' end of one bus, with the faults of its line; time comes in as an argument."""
 
+import math
 from collections.abc import Callable, Hashable
+from typing import NamedTuple
 
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.bus import BoardPort
+from musashi_muscle_bridge.bus import BoardPort, Received
 from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
 from musashi_muscle_bridge.protocol import CommandFrame
+
+
+class Served(NamedTuple):
+    """A command frame that the boards answer; monotonic times [s].
+
+    arrived   when it reached this computer, as far as the bus tells, else when it was read
+    measured  of the state in the answer
+    """
+
+    sequence: int
+    arrived: float
+    measured: float
 
 
 class EmulatedBus:
     """Lets frames of one port reach one group of boards, and their answers return.
 
     port        None while the bus is closed
-    on_command  called with the time [s] and each command that the boards took; None: nobody
+    on_command  called with the time [s] and each command that the boards took, after the answers
+                left: what it does delays none; None: nobody
+    on_answer   called before each answer leaves; None: nobody
     """
 
     def __init__(self, link: BoardLink, seed: int) -> None:
         """`seed` of jitter, loss and corruption."""
         self.link = link
-        self.commands: FaultyLine[Hashable] = FaultyLine(seed)
-        self.answers: FaultyLine[Hashable] = FaultyLine(seed + 1)
+        self.commands: FaultyLine[Received] = FaultyLine(seed)
+        self.answers: FaultyLine[tuple[Hashable, Served]] = FaultyLine(seed + 1)
         self.port: BoardPort | None = None
         self.on_command: Callable[[float, CommandFrame], None] | None = None
+        self.on_answer: Callable[[Served], None] | None = None
 
     def set_faults(self, latency: float, jitter: float, loss: float, corruption: float) -> None:
         """Set the line's faults: latency, jitter [s]; loss, corruption as shares."""
@@ -33,20 +50,29 @@ class EmulatedBus:
         received = None if self.port is None else self.port.receive(patience)
         if received is None:
             return False
-        self.commands.put(received.frame, received.sender, now)
+        if math.isnan(received.arrived):
+            received = received._replace(arrived=now)
+        self.commands.put(received.frame, received, now)
         return True
 
     def exchange(self, now: float) -> None:
         """Let the boards carry out what arrived by `now` [s], and send what is due."""
-        for frame, sender in self.commands.take(now):
-            answer = self.link.answer(frame, sender)
-            if answer is not None:
-                if self.on_command is not None and self.link.command is not None:
-                    self.on_command(now, self.link.command)
-                self.answers.put(answer, sender, now)
-        for answer, sender in self.answers.take(now):
+        taken = []
+        for frame, received in self.commands.take(now):
+            answer = self.link.answer(frame, received.sender)
+            command = self.link.command
+            if answer is not None and command is not None:
+                taken.append(command)
+                served = Served(command.sequence, received.arrived, now)
+                self.answers.put(answer, (received.sender, served), now)
+        for answer, (sender, served) in self.answers.take(now):
             if self.port is not None:
+                if self.on_answer is not None:
+                    self.on_answer(served)
                 self.port.send(answer, sender)
+        if self.on_command is not None:
+            for command in taken:
+                self.on_command(now, command)
 
     @property
     def lost(self) -> int:

@@ -22,6 +22,33 @@ class Timing(NamedTuple):
     round_trip: float
 
 
+class Schedule:
+    """Absolute deadlines of a loop, one period apart. What cannot begin in time is left out.
+
+    deadline  monotonic time [s] at which the present period was to begin
+    skipped   periods so far that never began
+    """
+
+    def __init__(self, start: float, period: float) -> None:
+        """Begin the first period at `start`; both [s]."""
+        self.deadline = start
+        self.skipped = 0
+        self._period = period
+
+    def next(self, now: float) -> float:
+        """Go on to the next period; return how long to wait for it from `now`, 0 at least [s].
+
+        It is late by less than a period: those before it are over.
+        """
+        self.deadline += self._period
+        late = now - self.deadline
+        if late > self._period:
+            lost = int(late / self._period)
+            self.skipped += lost
+            self.deadline += lost * self._period
+        return max(self.deadline - now, 0.0)
+
+
 class LoopTiming:
     """Sums up windows of one second. `latest` is replaced, never changed: any thread may read it.
 

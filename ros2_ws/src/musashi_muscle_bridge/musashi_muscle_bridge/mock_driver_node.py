@@ -5,7 +5,7 @@ import threading
 import time
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -20,14 +20,13 @@ from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.board_log import BoardLog
 from musashi_muscle_bridge.bus import group_urls, open_all, open_board_port
 from musashi_muscle_bridge.bus_parameters import BUS_URL
-from musashi_muscle_bridge.emulated_bus import EmulatedBus
+from musashi_muscle_bridge.emulated_bus import EmulatedBus, Served
 from musashi_muscle_bridge.injected_faults import (
     ARM_FAULTS,
     ArmFaults,
     FaultyBoards,
     chosen_muscles,
 )
-from musashi_muscle_bridge.protocol import CommandFrame
 
 _IDLE_SEC = 0.002
 # After a stall of this machine the plant catches up in slices, taking the frames that waited
@@ -61,7 +60,7 @@ TABLE = (
     Parameter(
         "board_log",
         "",
-        "New file with every command frame and every change of the boards, with monotonic times; "
+        "New file with every command frame, answer and change of the boards, with monotonic times; "
         "empty: none.",
     ),
 )
@@ -75,6 +74,7 @@ class MockDriverNode(ManagedNode):
         super().__init__("mock_driver", TABLE)
         self._skipped = 0.0
         self._next_faults: ArmFaults | None = None
+        self._left: list[tuple[float, int, Served]] = []  # answers: when [s], whose, to what
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Build the arm."""
@@ -119,7 +119,7 @@ class MockDriverNode(ManagedNode):
             raise
         for bus, port in zip(self._buses, ports, strict=True):
             bus.port = port
-            bus.on_command = self._on_command(self._buses.index(bus))
+            self._watch(bus, self._buses.index(bus))
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="boards", daemon=True)
         self._thread.start()
@@ -134,12 +134,14 @@ class MockDriverNode(ManagedNode):
         if self._log is not None:
             self._log.close()
 
-    def _on_command(self, group: int) -> Callable[[float, CommandFrame], None] | None:
-        """Return what is done with each command that a group of boards takes; None: nothing."""
+    def _watch(self, bus: EmulatedBus, group: int) -> None:
+        """Note what happens on a group's bus, if there is a log."""
         log, boards = self._log, self._boards
-        if log is None:
-            return None
-        return lambda now, command: log.command(now, group, command, boards)
+        bus.on_command = bus.on_answer = None
+        if log is not None:
+            left = self._left
+            bus.on_command = lambda now, command: log.command(now, group, command, boards)
+            bus.on_answer = lambda served: left.append((time.monotonic(), group, served))
 
     def _run(self) -> None:
         try:
@@ -183,6 +185,10 @@ class MockDriverNode(ManagedNode):
     def _exchange(self, now: float) -> None:
         for bus in self._buses:
             bus.exchange(now)
+        if self._log is not None:
+            for sent, group, served in self._left:
+                self._log.answer(sent, group, served)
+            self._left.clear()
 
     def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
         """Report frames, faults and lost time."""

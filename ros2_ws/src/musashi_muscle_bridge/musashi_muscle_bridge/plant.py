@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Vector, frozen, unique_known
+from fastswing_planner.arrays import BoolVector, Vector, contiguous, frozen, unique_known
 from fastswing_planner.mujoco_model import load_mjcf, object_names
 from fastswing_planner.ramp import ramp_bounds
 from fastswing_planner.robot import Robot
@@ -14,8 +13,6 @@ from musashi_muscle_bridge.motor_heat import MotorHeat
 from musashi_muscle_bridge.plant_constants import plant_constants
 
 _HEAT_PERIOD = 0.01  # [s]
-
-Selection = slice | NDArray[np.int_]
 
 
 class Drive(NamedTuple):
@@ -47,11 +44,9 @@ class Plant:
         joints = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_JOINT, self._mjcf.njnt)
         tendons = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_TENDON, self._mjcf.ntendon)
         chosen = unique_known("joint", robot.model.joint_names, joints)
-        self._qpos = _selection(self._mjcf.jnt_qposadr[chosen])
-        self._dof = _selection(self._mjcf.jnt_dofadr[chosen])
-        self._tendons = _selection(
-            np.array(unique_known("muscle", robot.model.muscle_names, tendons))
-        )
+        self._qpos = contiguous(self._mjcf.jnt_qposadr[chosen])
+        self._dof = contiguous(self._mjcf.jnt_dofadr[chosen])
+        self._tendons = contiguous(unique_known("muscle", robot.model.muscle_names, tendons))
         self._velocity_limit = robot.limits.velocity
         self._stiffness = robot.wire_stiffness
         self._slowest = -robot.limits.velocity
@@ -213,11 +208,3 @@ def arm_mjcf(robot: Robot) -> mujoco.MjModel:
         # Nothing can touch: do not look for contacts.
         mjcf.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     return mjcf
-
-
-def _selection(index: NDArray[np.int_]) -> Selection:
-    """Return a slice where `index` counts upwards: numpy is faster with it."""
-    first = int(index[0])
-    if np.array_equal(index, np.arange(first, first + index.size)):
-        return slice(first, first + index.size)
-    return index

@@ -6,6 +6,7 @@ little-endian; each frame ends with the CRC-32 of everything before it.
 
 import struct
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -162,6 +163,10 @@ class StateFrame:
             np.frombuffer(body, JOINT_ROW, joints, split),
             session,
         )
+
+    def __reduce__(self) -> tuple[Callable[[bytes], "StateFrame"], tuple[bytes]]:
+        """Pickle as its bytes: arrays take ten times as long."""
+        return StateFrame.decode, (self.encode(),)
 
 
 def _refuse_nonsense(rows: Rows) -> None:

@@ -1,8 +1,10 @@
 """Frames as UDP datagrams; on loopback unless the URL says otherwise."""
 
 import contextlib
+import math
 import select
 import socket
+import struct
 import time
 from collections.abc import Hashable
 from urllib.parse import urlsplit
@@ -11,6 +13,10 @@ from musashi_muscle_bridge.bus import MAX_FRAME, Received
 from musashi_muscle_bridge.errors import BusError, BusTimeout
 
 _Address = tuple[str, int]
+_SO_TIMESTAMPNS = 35
+"""Linux's option and control message; Python's socket module does not name it."""
+_TIMESPEC = struct.Struct("qq")
+_NOTES_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
 
 
 def udp_address(url: str) -> _Address:
@@ -106,6 +112,8 @@ class UdpBoardPort:
                 f"bus_url '{url}': {error.strerror}; is another mock driver running?"
             ) from error
         self._socket.setblocking(False)
+        with contextlib.suppress(OSError):
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         self.dropped: dict[str, int] = {}
 
     def receive(self, timeout: float) -> Received | None:
@@ -113,8 +121,8 @@ class UdpBoardPort:
         readable, _, _ = select.select([self._socket], [], [], timeout)
         if readable:
             with contextlib.suppress(OSError):
-                frame, sender = self._socket.recvfrom(MAX_FRAME)
-                return Received(bytes(frame), sender)
+                frame, notes, _, sender = self._socket.recvmsg(MAX_FRAME, _NOTES_SIZE)
+                return Received(frame, sender, _arrival(notes))
         return None
 
     def send(self, frame: bytes, to: Hashable) -> None:
@@ -125,3 +133,16 @@ class UdpBoardPort:
     def close(self) -> None:
         """Release the port."""
         self._socket.close()
+
+
+def _arrival(notes: list[tuple[int, int, bytes]]) -> float:
+    """Return when the kernel took a frame in, on the monotonic clock [s]; NaN if it did not say.
+
+    A process that is late to read its socket does not make the frame late.
+    """
+    for _, kind, data in notes:
+        if kind == _SO_TIMESTAMPNS:
+            seconds, nanoseconds = _TIMESPEC.unpack(data)
+            age = time.time_ns() - seconds * 1_000_000_000 - nanoseconds
+            return time.monotonic() - age * 1e-9
+    return math.nan

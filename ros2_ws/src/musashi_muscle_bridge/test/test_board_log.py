@@ -10,6 +10,7 @@ from fastswing_planner.parameters import InvalidParameter
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_log import BoardLog
+from musashi_muscle_bridge.emulated_bus import Served
 from musashi_muscle_bridge.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
 
 TIMEOUT = 0.1
@@ -55,6 +56,11 @@ def test_a_command_is_noted_with_time_setpoints_and_limit(
     ((*told, tension),) = lines(path, "command")
     assert told == ["4.250000", "0", "3", "7", "20", "12.50000,0.00000", "60.000", "20", "00"]
     assert float(tension) >= 0.0
+
+
+def test_an_answer_is_noted_with_its_commands_arrival(log: BoardLog, path: Path) -> None:
+    log.answer(4.5, 0, Served(7, arrived=4.25, measured=4.375))
+    assert lines(path, "answer") == [["4.500000", "0", "7", "4.250000", "4.375000"]]
 
 
 def test_boards_that_do_not_change_are_noted_once(

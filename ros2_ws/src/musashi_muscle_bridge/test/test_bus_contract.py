@@ -237,7 +237,7 @@ class TestBothEnds:
         for sequence in (1, 1, 2):
             bus.send(command(sequence))
         found = [received(port) for _ in range(3)]
-        answers = [link.answer(*each) for each in found]
+        answers = [link.answer(each.frame, each.sender) for each in found]
         assert [answer is None for answer in answers] == [False, True, False]
 
     def test_a_flood_of_commands_leaves_the_newest_way_free(

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from musashi_muscle_bridge.channel import Channel, channel_pair
+from musashi_muscle_bridge.control_loop import Measurement
+from musashi_muscle_bridge.protocol import JOINT_ROW, STATE_ROW, StateFrame
 
 
 @pytest.fixture
@@ -27,6 +29,18 @@ def test_what_is_put_is_taken_in_order(ends: tuple[Channel, Channel]) -> None:
 def test_an_array_crosses_unchanged(ends: tuple[Channel, Channel]) -> None:
     ends[0].put(np.array([1.5, np.nan]))
     assert ends[1].wait().tobytes() == np.array([1.5, np.nan]).tobytes()
+
+
+def test_a_measurement_crosses_unchanged(ends: tuple[Channel, Channel]) -> None:
+    state = StateFrame(7, np.ones(3, STATE_ROW), np.ones(2, JOINT_ROW), session=5)
+    ends[0].put(Measurement(state, np.array([True, False, True]), True, 4.25))
+    back = ends[1].wait()
+    assert (type(back), back.state.encode()) == (Measurement, state.encode())
+    assert (back.lost.tolist(), back.joints_fresh, back.received) == (
+        [True, False, True],
+        True,
+        4.25,
+    )
 
 
 def test_nothing_is_taken_where_nothing_was_put(ends: tuple[Channel, Channel]) -> None:

@@ -45,6 +45,7 @@ class LinkBus:
         self._tamper = tamper
         self._answers: deque[bytes] = deque()
         self.sent = 0
+        self.waits: list[float] = []  # [s] until when somebody waited for an answer in vain
         self.mode, self.setpoint = Mode.ZERO_CURRENT, 0.0
         self.unplugged = self.closed = self.cleared = False
 
@@ -66,6 +67,7 @@ class LinkBus:
     def receive(self, timeout: float) -> bytes:
         if self._answers:
             return self._answers.popleft()
+        self.waits.append(time.monotonic() + timeout)
         time.sleep(max(timeout, 0.0))
         raise BusTimeout("no answer")
 
@@ -401,6 +403,32 @@ def test_each_of_several_buses_has_its_own_counts(two_buses: Running) -> None:
     two_buses.until(lambda: two_buses.counted("replies") >= 5)
     own = [two_buses.counted(f"bus{number}_replies") for number in (0, 1)]
     assert sum(own) == two_buses.counted("replies")
+
+
+def test_every_period_sends_a_frame_or_is_counted(start: Start) -> None:
+    stalls = iter([0.0, 0.1, 0.0, 0.03])
+
+    def stalling(answer: bytes) -> list[bytes]:
+        time.sleep(next(stalls, 0.0))
+        return [answer]
+
+    run = start(stalling)
+
+    def all_counted() -> bool:
+        counted = run.counted("replies") + run.counted("misses") + run.counted("overruns")
+        periods = float(str(run.status.statistics["running_s"])) * 200.0
+        return run.counted("overruns") > 20 and abs(periods - counted) < 2.0
+
+    run.until(all_counted)
+
+
+def test_silent_boards_are_waited_for_until_the_next_frame_is_due(start: Start) -> None:
+    run = start(lambda answer: [])
+    run.until(lambda: run.counted("misses") >= 60)
+    # On the schedule they end at one place of the period, and the mean of such turns is 1; ends
+    # that drift through the period have the mean 0. A few may be late with this machine.
+    turns = np.exp(2j * np.pi * 200.0 * np.array(run.buses[0].waits))
+    assert np.abs(turns.mean()) > 0.7
 
 
 def test_periods_and_round_trips_are_timed(start: Start) -> None:

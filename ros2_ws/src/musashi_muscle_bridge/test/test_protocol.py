@@ -1,6 +1,7 @@
 """Frames survive the way there and back, and nothing damaged or foreign is taken for one."""
 
 import dataclasses
+import pickle
 import struct
 import zlib
 from collections.abc import Callable
@@ -115,6 +116,14 @@ def test_a_state_frame_comes_back_as_it_was_sent(
     assert (back.session, back.sequence) == (session, sequence)
     assert back.rows.tobytes() == rows.tobytes()
     assert back.joints.tobytes() == joints.tobytes()
+
+
+@given(sequences, rows_of(STATE_ROW), rows_of(JOINT_ROW), sequences)
+def test_a_state_frame_crosses_to_another_process_as_it_is(
+    sequence: int, rows: np.ndarray, joints: np.ndarray, session: int
+) -> None:
+    sent = StateFrame(sequence, rows, joints, session)
+    assert pickle.loads(pickle.dumps(sent)).encode() == sent.encode()
 
 
 def test_the_bytes_of_a_command_frame_are_those_of_version_2() -> None:

@@ -2,6 +2,7 @@
 
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -12,6 +13,8 @@ from musashi_muscle_bridge.udp_bus import UdpBoardPort, UdpBus, udp_address
 
 LOST = 0.05
 """[s] to wait for what shall not come."""
+CLOCKS = 0.1
+"""[s] between two readings of clocks."""
 SOON = 5.0
 """[s] to wait for what shall come."""
 
@@ -96,6 +99,18 @@ def test_the_boards_see_where_a_frame_came_from(bus: UdpBus, port: UdpBoardPort)
     found = port.receive(SOON)
     assert found is not None
     assert found.sender == bus.address
+
+
+def test_the_boards_see_when_a_frame_came_however_late_they_read_it(
+    bus: UdpBus, port: UdpBoardPort
+) -> None:
+    before = time.monotonic()
+    bus.send(b"frame")
+    after = time.monotonic()
+    time.sleep(5.0 * CLOCKS)
+    received = port.receive(SOON)
+    assert received is not None
+    assert before - CLOCKS < received.arrived < after + CLOCKS
 
 
 def test_absent_boards_are_a_timeout(url: str) -> None:

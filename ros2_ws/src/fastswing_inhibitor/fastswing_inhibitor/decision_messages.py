@@ -1,0 +1,136 @@
+"""Decisions of the inhibitor to messages.
+
+At rate they are serialised templates (`raw_messages`): one override and one status for each set of
+inhibited muscles.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from builtin_interfaces.msg import Duration, Time
+from std_msgs.msg import Header
+
+from fastswing_inhibitor.inhibition import Decision, Inhibition
+from fastswing_inhibitor.latency import LatencyHistogram
+from fastswing_msgs.msg import CurrentOverride, InhibitionStatus
+from fastswing_planner.raw_messages import STAMP, MessageTemplate
+
+_KEPT_TEMPLATES = 64
+_STATUS_NUMBERS = (
+    *STAMP,
+    "threshold",
+    "speed_index",
+    "direction_from_goal",
+    "decisions",
+    "rejected",
+    "latency_count",
+    "latency_max",
+)
+
+
+class DecisionMessages:
+    """Makes ordinary messages."""
+
+    def __init__(
+        self,
+        muscle_names: Sequence[str],
+        lease: Duration,
+        inhibition: Inhibition,
+        latency: LatencyHistogram,
+    ) -> None:
+        """Report on `inhibition` and `latency` as they are when a message is made."""
+        self._muscle_names = list(muscle_names)
+        self._lease = lease
+        self._inhibition = inhibition
+        self._latency = latency
+        self._latency_bound = list(latency.bounds)
+
+    def override(self, header: Any, decision: Decision) -> CurrentOverride:
+        """Return the override of a decision.
+
+        header  of the joint state that was decided on, or what has its attributes
+        """
+        return CurrentOverride(
+            header=_ordinary(header), name=self._inhibited(decision), lease=self._lease
+        )
+
+    def status(self, header: Any, decision: Decision, reason_text: str = "") -> InhibitionStatus:
+        """Return the status that tells of a decision; see `override`."""
+        inhibition, latency = self._inhibition, self._latency
+        return InhibitionStatus(
+            header=_ordinary(header),
+            armed=inhibition.armed,
+            reason=int(decision.reason),
+            reason_text=reason_text,
+            threshold=inhibition.threshold,
+            name=self._muscle_names,
+            speed_index=decision.speed_index.tolist(),
+            inhibited=self._inhibited(decision),
+            direction_from_goal=decision.direction_from_goal,
+            decisions=inhibition.decisions,
+            rejected=inhibition.rejected,
+            latency_bound=self._latency_bound,
+            latency_count=latency.counts,
+            latency_max=latency.longest,
+        )
+
+    def _inhibited(self, decision: Decision) -> list[str]:
+        return [self._muscle_names[index] for index in np.flatnonzero(decision.inhibited)]
+
+
+class _Templates(NamedTuple):
+    override: MessageTemplate
+    status: MessageTemplate
+
+
+class RawDecisionMessages:
+    """Makes the same messages serialised, of decisions while the inhibitor is armed."""
+
+    def __init__(
+        self, ordinary: DecisionMessages, inhibition: Inhibition, latency: LatencyHistogram
+    ) -> None:
+        """Serialise what `ordinary` makes."""
+        self._ordinary = ordinary
+        self._inhibition = inhibition
+        self._latency = latency
+        self._kept: dict[tuple[str, bytes], _Templates] = {}
+
+    def override(self, header: Any, decision: Decision) -> bytes:
+        """Return the override of a decision; see `DecisionMessages`."""
+        stamp = header.stamp
+        return self._templates(header, decision).override.filled(stamp.sec, stamp.nanosec)
+
+    def status(self, header: Any, decision: Decision) -> bytes:
+        """Return the status that tells of a decision; see `DecisionMessages`."""
+        inhibition, latency = self._inhibition, self._latency
+        return self._templates(header, decision).status.filled(
+            header.stamp.sec,
+            header.stamp.nanosec,
+            inhibition.threshold,
+            decision.speed_index,
+            decision.direction_from_goal,
+            inhibition.decisions,
+            inhibition.rejected,
+            latency.counts,
+            latency.longest,
+        )
+
+    def _templates(self, header: Any, decision: Decision) -> _Templates:
+        key = (header.frame_id, decision.inhibited.tobytes())
+        kept = self._kept.get(key)
+        if kept is None:
+            if len(self._kept) == _KEPT_TEMPLATES:
+                del self._kept[next(iter(self._kept))]
+            kept = self._kept[key] = _Templates(
+                MessageTemplate(self._ordinary.override(header, decision), STAMP),
+                MessageTemplate(self._ordinary.status(header, decision), _STATUS_NUMBERS),
+            )
+        return kept
+
+
+def _ordinary(header: Any) -> Header:
+    if isinstance(header, Header):
+        return header
+    stamp = Time(sec=header.stamp.sec, nanosec=header.stamp.nanosec)
+    return Header(stamp=stamp, frame_id=header.frame_id)

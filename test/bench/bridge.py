@@ -1,0 +1,273 @@
+"""The bridge between boards and topics, timed at the boards: see QUESTION.
+
+scripts/ros_env python test/bench/bridge.py [SCALE]
+"""
+
+import random
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "demo"))
+
+import numpy as np
+from board_times import BoardTimes, read_board_log
+from builtin_interfaces.msg import Duration
+from large_arm import write_large_arm
+from listening import Listener
+from numpy.typing import NDArray
+from pace_baseline import Pace, PaceBaseline
+from processes import Process, free_domain, free_udp_port, isolated_environment, stop_all
+from rclpy.serialization import deserialize_message
+from rounds import Row
+from std_msgs.msg import Header
+
+from fastswing_msgs.msg import CurrentOverride, MuscleState
+from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
+from musashi_muscle_bridge.protocol import COMMAND_ROW
+
+QUESTION = (
+    "How soon is a reply of the boards published, how soon is an override on the wire, and how "
+    "regular are the frames, at 1 kHz?"
+)
+
+RATE_HZ = 1000.0
+PERIOD = 1.0 / RATE_HZ
+ROUNDS = 3
+ROUND_SEC = 20.0
+OBEY_BOUND = PERIOD + 0.3e-3
+JITTER_BOUND = 0.5e-3
+_SWITCH_SEC = 0.025
+_LEASE_SEC = 0.2
+_SETTLE_SEC = 1.0
+_LATE = 1.5
+"""Periods from one frame to the next with at least one missed between them."""
+_STALL = 0.5
+"""Periods by which the baseline has to be late for its stall to explain a missed period."""
+
+
+@dataclass
+class Measured:
+    """What was measured in some rounds; times [s].
+
+    published  from a reply's leaving the boards to its muscle_state
+    obeyed     from an override's publication to its frame's arrival at the boards
+    jitter     distance of each period from the nominal one
+    missed     periods without a frame
+    unexcused  those of them that no stall of the baseline explains
+    """
+
+    published: list[NDArray[np.float64]] = field(default_factory=list)
+    obeyed: list[NDArray[np.float64]] = field(default_factory=list)
+    jitter: list[NDArray[np.float64]] = field(default_factory=list)
+    baseline: list[Pace] = field(default_factory=list)
+    missed: list[int] = field(default_factory=list)
+    unexcused: list[int] = field(default_factory=list)
+
+
+class Switching:
+    """Publishes overrides of one muscle and releases it, in turns."""
+
+    def __init__(self, listener: Listener, name: str) -> None:
+        self.published: list[float] = []
+        self._clock = listener.node.get_clock()
+        self._publisher = listener.node.create_publisher(CurrentOverride, "current_override", 1)
+        self._names = [name]
+        self._random = random.Random(0)
+        self._on = False
+        listener.until("the bridge to listen", lambda: self._publisher.get_subscription_count() > 0)
+        self._timer = listener.node.create_timer(_SWITCH_SEC, self._switch)
+
+    def _switch(self) -> None:
+        # Without this all overrides would come at the same place in the bridge's period.
+        time.sleep(self._random.uniform(0.0, PERIOD))
+        self._on = not self._on
+        message = CurrentOverride(
+            header=Header(stamp=self._clock.now().to_msg()),
+            name=self._names if self._on else [],
+            lease=Duration(nanosec=round(_LEASE_SEC * 1e9)),
+        )
+        if self._on:
+            self.published.append(time.monotonic())
+        self._publisher.publish(message)
+
+
+def measure(
+    measured: Measured, robot: str, folder: Path, seconds: float, **options: object
+) -> None:
+    """Add a round: boards, bridge and baseline for some seconds."""
+    description = load_robot(resolve_path(robot))
+    names = description.model.muscle_names
+    domain = free_domain()
+    environment = isolated_environment(domain)
+    log = folder / "boards.tsv"
+    parameters = {
+        "robot_description": robot,
+        "bus_url": f"udp://127.0.0.1:{free_udp_port()}",
+    }
+    package = "musashi_muscle_bridge"
+    processes = [
+        Process(package, name, {**parameters, **own}, environment, folder / f"{name}.log")
+        for name, own in (
+            ("mock_driver", {"board_log": log}),
+            ("bridge", {"control_rate": RATE_HZ, **options}),
+        )
+    ]
+    listener = Listener(domain)
+    baseline: PaceBaseline | None = None
+    try:
+        heard = listener.listen(MuscleState, "muscle_state")
+        listener.until("muscle states", lambda: len(heard) > 0)
+        switching = Switching(listener, names[0])
+        listener.spin(_SETTLE_SEC)
+        baseline = PaceBaseline(len(names) * COMMAND_ROW.itemsize, PERIOD, seconds)
+        begin = time.monotonic()
+        listener.spin(seconds)
+        end = time.monotonic()
+        pace = baseline.result()
+    finally:
+        if baseline is not None:
+            baseline.stop()
+        stop_all(processes)
+        listener.close()
+    boards = read_board_log(log)
+    log.unlink()
+    measured.baseline.append(pace)
+    measured.published.append(_published(boards, heard, listener, begin, end))
+    measured.obeyed.append(_obeyed(boards, switching.published, begin, end))
+    _add_periods(measured, boards.arrived, pace, begin, end)
+
+
+def _published(
+    boards: BoardTimes,
+    heard: Sequence[tuple[float, bytes]],
+    listener: Listener,
+    begin: float,
+    end: float,
+) -> NDArray[np.float64]:
+    found = []
+    for published, data in heard:
+        if begin < published < end:
+            stamp = deserialize_message(data, MuscleState).header.stamp
+            received = listener.monotonic(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            answer = boards.answer_before(received)
+            if answer >= 0:
+                found.append(published - boards.sent[answer])
+    return np.array(found)
+
+
+def _obeyed(
+    boards: BoardTimes, published: Sequence[float], begin: float, end: float
+) -> NDArray[np.float64]:
+    found = []
+    for time_published in published:
+        command = boards.first_off(0, time_published)
+        if begin < time_published < end and command is not None:
+            found.append(boards.arrived[command] - time_published)
+    return np.array(found)
+
+
+def _add_periods(
+    measured: Measured, arrived: NDArray[np.float64], pace: Pace, begin: float, end: float
+) -> None:
+    arrived = arrived[(arrived > begin) & (arrived < end)]
+    periods = np.diff(arrived)
+    measured.jitter.append(np.abs(periods - PERIOD))
+    missed = np.rint(periods / PERIOD).astype(int) - 1
+    gaps = np.flatnonzero(periods > _LATE * PERIOD)
+    excused = [gap for gap in gaps if pace.stalled(arrived[gap], arrived[gap + 1], _STALL * PERIOD)]
+    total = int(missed[gaps].sum())
+    measured.missed.append(total)
+    measured.unexcused.append(total - int(missed[excused].sum()))
+
+
+def _row(
+    name: str,
+    rounds: Sequence[NDArray[np.float64]],
+    baseline: Sequence[NDArray[np.float64]],
+    bound: str = "",
+    met: bool | None = None,
+    note: str = "",
+) -> Row:
+    def ratios(share: float) -> list[float]:
+        return [
+            float(np.percentile(one, share) / np.percentile(floor, share))
+            for one, floor in zip(rounds, baseline, strict=True)
+        ]
+
+    whole = np.concatenate(rounds) * 1e6
+    return Row(
+        name,
+        float(np.median(whole)),
+        float(np.percentile(whole, 99)),
+        float(whole.max()),
+        baseline="udp_pace in C",
+        ratio=float(np.median(ratios(50))),
+        ratio_p99=float(np.median(ratios(99))),
+        bound=bound,
+        met=met,
+        note=note,
+        rounds=tuple(ratios(50)),
+    )
+
+
+def rows(label: str, measured: Measured) -> list[Row]:
+    """Return the figures of one bridge."""
+    trips = [pace.round_trip for pace in measured.baseline]
+    floor = [np.abs(np.diff(pace.began) - PERIOD) for pace in measured.baseline]
+    obeyed = float(np.median(np.concatenate(measured.obeyed)))
+    jitter = float(np.percentile(np.concatenate(measured.jitter), 99))
+    missed, unexcused = sum(measured.missed), sum(measured.unexcused)
+    lates = sum(int(np.sum(pace.lateness > PERIOD)) for pace in measured.baseline)
+    return [
+        _row(f"{label}: reply to muscle_state", measured.published, trips),
+        _row(
+            f"{label}: override to wire",
+            measured.obeyed,
+            trips,
+            f"median <= {OBEY_BOUND * 1e3:g} ms",
+            obeyed <= OBEY_BOUND,
+            f"{sum(one.size for one in measured.obeyed)} overrides",
+        ),
+        _row(
+            f"{label}: period jitter",
+            measured.jitter,
+            floor,
+            f"p99 < {JITTER_BOUND * 1e3:g} ms",
+            jitter < JITTER_BOUND,
+        ),
+        Row(
+            f"{label}: missed periods",
+            unexcused,
+            unit="periods",
+            bound="0 but for stalls of the baseline",
+            met=unexcused == 0,
+            note=f"{missed} of {sum(one.size for one in measured.jitter)} in all; the baseline was "
+            f"late by a period {lates} times",
+        ),
+    ]
+
+
+def run(scale: float, plots: Path | None = None) -> list[Row]:
+    """Measure; `scale` 1 takes about six minutes. There is no plot."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        variants: list[tuple[str, str, dict[str, object]]] = [
+            ("10 boards", MUSASHI, {}),
+            ("10 boards, ordinary messages", MUSASHI, {"raw_messages": "false"}),
+            ("74 boards", str(write_large_arm(folder, joints=33, muscles=74)), {}),
+        ]
+        found = {label: Measured() for label, _, _ in variants}
+        for _ in range(ROUNDS if scale > 0.1 else 1):
+            for label, robot, options in variants:
+                measure(found[label], robot, folder, max(ROUND_SEC * scale, 2.0), **options)
+    return [row for label, measured in found.items() for row in rows(label, measured)]
+
+
+if __name__ == "__main__":
+    for row in run(float(sys.argv[1]) if len(sys.argv) > 1 else 1.0):
+        print(row)

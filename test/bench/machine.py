@@ -1,0 +1,45 @@
+"""The machine that a benchmark ran on."""
+
+import os
+import platform
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+# Names under which a package may be installed: as a wheel, or from apt.
+_PACKAGES = {
+    "rclpy": ("ros-rclpy", "rclpy"),
+    "mujoco": ("mujoco",),
+    "proxsuite": ("proxsuite",),
+    "daqp": ("daqp",),
+    "numpy": ("numpy",),
+    "quadprog": ("quadprog",),
+    "rosbags": ("rosbags",),
+    "mcap-ros2-support": ("mcap-ros2-support",),
+}
+
+
+def machine() -> dict[str, str]:
+    """Return what a figure depends on, in words, by name."""
+    return {
+        "processor": _processor(Path("/proc/cpuinfo").read_text()),
+        "cores": f"{len(os.sched_getaffinity(0))} of {os.cpu_count()}",
+        "load before": f"{os.getloadavg()[0]:.1f}",
+        "kernel": f"{platform.system()} {platform.release()}",
+        "Python": platform.python_version(),
+        **{name: _version(names) for name, names in _PACKAGES.items()},
+    }
+
+
+def _processor(cpuinfo: str) -> str:
+    lines = (line.partition(":") for line in cpuinfo.splitlines())
+    models = [value.strip() for key, _, value in lines if key.strip() == "model name"]
+    return models[0] if models else platform.machine()
+
+
+def _version(names: tuple[str, ...]) -> str:
+    for name in names:
+        try:
+            return version(name)
+        except PackageNotFoundError:
+            continue
+    return "not installed"

@@ -1,0 +1,337 @@
+"""The whole loop, from an encoder of the emulated arm to zero current on its wire: see QUESTION.
+
+scripts/ros_env python test/bench/whole_loop.py [SCALE [FOLDER OF PLOTS]]
+"""
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "demo"))
+
+import numpy as np
+from board_times import BoardTimes, read_board_log
+from builtin_interfaces.msg import Duration
+from listening import Listener
+from numpy.typing import NDArray
+from pace_baseline import PaceBaseline
+from processes import Process, free_domain, free_udp_port, isolated_environment, stop_all
+from rclpy.task import Future
+from rounds import Row
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from fastswing_msgs.msg import LengthCommand
+from fastswing_msgs.srv import ArmInhibitor, PlanSwing
+from fastswing_planner.bag import open_bag
+from fastswing_planner.posture import encoder_lengths
+from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
+from musashi_muscle_bridge.protocol import COMMAND_ROW
+
+QUESTION = (
+    "How long does it take from a change of the encoders to zero current on the boards, and where "
+    "does the time go, with all nodes on two cores, while a bag is recorded and the planner "
+    "answers?"
+)
+
+RATE_HZ = 1000.0
+RUN_SEC = 50.0
+CORES = 2
+STAGES = (
+    "boards answer",
+    "to control process",
+    "bridge: joint_states",
+    "inhibitor: current_override",
+    "bridge, period: to the wire",
+    "boards obey",
+)
+_ELBOW = {"flexed": -0.9, "bent": -0.4, "goal": -1.9}  # [rad]
+_TURN_SEC = 0.4
+_PLAN_PAUSE_SEC = 0.1
+_TENSION = 15.0  # [N] at rest
+_SETTLE_SEC = 1.5
+_PERCENTILES = (50, 99)
+
+
+@dataclass(frozen=True)
+class Events:
+    """Decisions to let a muscle go, as they went through the loop.
+
+    stages   [s] shape (k, 6): how long each of STAGES took
+    lost     decisions that were never obeyed
+    missing  overrides that the recorder lost
+    plans    answers of the planner meanwhile
+    """
+
+    stages: NDArray[np.float64]
+    lost: int
+    missing: int
+    plans: int
+
+
+@contextmanager
+def on_cores(count: int) -> Iterator[None]:
+    """Keep this process and those it starts on some of the cores."""
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, set(sorted(before)[:count]))
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+class TaskCode:
+    """Lets the arm flex and stretch its elbow, and asks the planner all the time."""
+
+    def __init__(self, listener: Listener, robot: Robot) -> None:
+        self.answers = 0
+        self._listener = listener
+        self._robot = robot
+        node = listener.node
+        self._command = node.create_publisher(LengthCommand, "length_command", 10)
+        self._plan = node.create_client(PlanSwing, "plan_swing")
+        self._pending: Future | None = None
+        self._asked = 0.0
+        self._turn = 0
+        self._lengths = [self._wire(_ELBOW[name]) for name in ("bent", "flexed")]
+        listener.until("the planner", self._plan.service_is_ready)
+        listener.until("the bridge", lambda: self._command.get_subscription_count() > 0)
+        self._timers = [
+            node.create_timer(_TURN_SEC, self._move),
+            node.create_timer(_PLAN_PAUSE_SEC, self._ask),
+        ]
+
+    def posture(self, elbow: float) -> NDArray[np.float64]:
+        """Return the joint angles [rad], shape (n,), with the elbow at an angle [rad]."""
+        angles = self._robot.postures["home"].copy()
+        angles[self._robot.model.joint_names.index("E-p")] = elbow
+        return angles
+
+    def _wire(self, elbow: float) -> list[float]:
+        robot = self._robot
+        tension = np.full(len(robot.model.muscle_names), _TENSION)
+        lengths = encoder_lengths(robot.model, robot.wire_stiffness, self.posture(elbow), tension)
+        return [float(length) for length in lengths]
+
+    def _stamp(self) -> Any:
+        return self._listener.node.get_clock().now().to_msg()
+
+    def _move(self) -> None:
+        self._turn = 1 - self._turn
+        self._command.publish(
+            LengthCommand(
+                header=Header(stamp=self._stamp()),
+                name=self._robot.model.muscle_names,
+                length=self._lengths[self._turn],
+            )
+        )
+
+    def _ask(self) -> None:
+        if self._pending is not None:
+            if not self._pending.done():
+                return
+            self.answers += 1
+        request = PlanSwing.Request(
+            start_position=self._robot.postures["start"].tolist(),
+            end_position=self._robot.postures["end"].tolist(),
+        )
+        self._pending = self._plan.call_async(request)
+
+    def arm(self, seconds: float) -> None:
+        """Arm the inhibitor toward a goal that the arm does not come near to."""
+        answer = self._listener.call(
+            ArmInhibitor,
+            "arm_inhibitor",
+            ArmInhibitor.Request(
+                stamp=self._stamp(),
+                goal_position=self.posture(_ELBOW["goal"]).tolist(),
+                time_limit=Duration(sec=int(seconds) + 1),
+            ),
+        )
+        if answer.error_code:
+            raise RuntimeError(f"the inhibitor is not armed: {answer.error_string}")
+
+
+def _start(folder: Path, environment: Mapping[str, str]) -> list[Process]:
+    bus = {"bus_url": f"udp://127.0.0.1:{free_udp_port()}"}
+    inhibitor: dict[str, object] = {
+        # The elbow goes to and fro for the whole run: neither turning back nor a stall of this
+        # machine may end it.
+        "reversal_speed": 10.0,
+        "state_timeout": 1.0,
+        "lease": 0.2,
+        "max_time_limit": 60.0,
+    }
+    nodes: tuple[tuple[str, str, dict[str, object]], ...] = (
+        ("musashi_muscle_bridge", "mock_driver", {**bus, "board_log": folder / "boards.tsv"}),
+        ("musashi_muscle_bridge", "bridge", {**bus, "control_rate": RATE_HZ}),
+        ("fastswing_planner", "planner", {}),
+        ("fastswing_inhibitor", "inhibitor", inhibitor),
+        ("fastswing_planner", "record", {"output": folder / "bag.mcap"}),
+    )
+    return [
+        Process(package, name, parameters, environment, folder / f"{name}.log")
+        for package, name, parameters in nodes
+    ]
+
+
+def measure(folder: Path, seconds: float) -> tuple[Events, NDArray[np.float64]]:
+    """Return what happened in some seconds, and round trips of the baseline in the same [s]."""
+    domain = free_domain()
+    processes = _start(folder, isolated_environment(domain))
+    listener = Listener(domain)
+    baseline: PaceBaseline | None = None
+    try:
+        heard = listener.listen(JointState, "joint_states")
+        listener.until("joint states", lambda: len(heard) > 0)
+        robot = load_robot(resolve_path(MUSASHI))
+        task = TaskCode(listener, robot)
+        listener.spin(_SETTLE_SEC)
+        task.arm(seconds)
+        frame = len(robot.model.muscle_names) * COMMAND_ROW.itemsize
+        baseline = PaceBaseline(frame, 1.0 / RATE_HZ, seconds)
+        begin, answers = time.monotonic(), task.answers
+        listener.spin(seconds)
+        end, answers = time.monotonic(), task.answers - answers
+        round_trip = baseline.result().round_trip
+    finally:
+        if baseline is not None:
+            baseline.stop()
+        stop_all(processes)
+        listener.close()
+    boards = read_board_log(folder / "boards.tsv")
+    traced = _trace(folder / "bag.mcap", boards, listener, robot, (begin, end))
+    return Events(*traced, answers), round_trip
+
+
+def _trace(
+    bag_path: Path,
+    boards: BoardTimes,
+    listener: Listener,
+    robot: Robot,
+    window: tuple[float, float],
+) -> tuple[NDArray[np.float64], int, int]:
+    """Follow each decision that lets another muscle go from the encoders to the boards."""
+    bag = open_bag(bag_path)
+    joints = bag.columns("/joint_states", time="header", fields=["header.stamp.sec"])
+    published = dict(zip(joints.time_ns.tolist(), joints.publish_time_ns.tolist(), strict=True))
+    overrides = bag.columns("/current_override", time="header")
+    muscles = {name: index for index, name in enumerate(robot.model.muscle_names)}
+    before: set[str] = set()
+    found: list[list[float]] = []
+    lost = 0
+    # Of a decision that was not recorded nobody knows when it was made.
+    complete = np.diff(overrides.sequence.astype(int), prepend=-1) == 1
+    for stamp, decided, names, follows in zip(
+        overrides.time_ns.tolist(),
+        overrides.publish_time_ns.tolist(),
+        overrides["name"],
+        complete.tolist(),
+        strict=True,
+    ):
+        newly, before = set(names) - before, set(names)
+        decided = listener.monotonic(decided)
+        known = follows and stamp in published
+        if not newly or not known or not window[0] < decided < window[1]:
+            continue
+        muscle = muscles[min(newly)]
+        answer = boards.answer_before(listener.monotonic(stamp))
+        at_work = int(np.searchsorted(boards.arrived, decided)) - 1
+        if boards.off[at_work, muscle]:
+            continue  # it was off still, by an earlier decision
+        command = boards.first_off(muscle, decided)
+        if command is None:
+            lost += 1
+            continue
+        times = [
+            boards.measured[answer],
+            boards.sent[answer],
+            listener.monotonic(stamp),
+            listener.monotonic(published[stamp]),
+            decided,
+            boards.arrived[command],
+            # The boards measure right after they took a command.
+            boards.measured[command],
+        ]
+        found.append(np.diff(times).tolist())
+    missing = bag.lost.get("/current_override", 0)
+    return np.array(found).reshape(-1, len(STAGES)), lost, missing
+
+
+def _plot(stages: NDArray[np.float64], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, (bars, spread) = pyplot.subplots(1, 2, figsize=(11.0, 3.6), width_ratios=(2, 1))
+    begin = 0.0
+    for row in range(len(STAGES)):
+        low, median, high = np.percentile(stages[:, row] * 1e3, (10, 50, 90))
+        bars.barh(row, median, left=begin)
+        bars.errorbar(
+            begin + median, row, xerr=[[median - low], [high - median]], color="black", capsize=3
+        )
+        bars.annotate(
+            f"{median * 1e3:.0f} us", (begin + high, row), (6, -4), textcoords="offset points"
+        )
+        begin += median
+    bars.set_yticks(range(len(STAGES)), STAGES)
+    bars.invert_yaxis()
+    bars.margins(x=0.15)
+    bars.set_xlim(left=0.0)
+    bars.set_xlabel("time since the encoders changed [ms]; medians, bars: 10 to 90 %")
+    total = np.sort(stages.sum(axis=1)) * 1e3
+    spread.plot(total, (np.arange(total.size) + 1) / total.size)
+    spread.set_xlim(0.0, float(np.percentile(total, 99)))
+    spread.set_xlabel("encoder to zero current [ms], up to 99 %")
+    spread.set_ylabel("share of decisions")
+    spread.grid(alpha=0.3)
+    figure.tight_layout()
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def _row(name: str, seconds: NDArray[np.float64], floor: float, note: str = "") -> Row:
+    median, p99 = np.percentile(seconds * 1e6, _PERCENTILES).tolist()
+    return Row(
+        name,
+        median,
+        p99,
+        float(seconds.max() * 1e6),
+        baseline="UDP echo in C" if floor else "",
+        ratio=median / (floor * 1e6) if floor else None,
+        note=note,
+    )
+
+
+def run(scale: float, plots: Path | None = None) -> list[Row]:
+    """Measure; `scale` 1 takes about a minute. Plot: performance_whole_loop.png."""
+    with tempfile.TemporaryDirectory() as name, on_cores(CORES):
+        events, round_trip = measure(Path(name), max(RUN_SEC * scale, 3.0))
+    stages = events.stages
+    note = (
+        f"{len(stages)} decisions, {events.lost} never obeyed, {events.missing} overrides not "
+        f"recorded; {events.plans} plans meanwhile"
+    )
+    if not len(stages):
+        return [Row("encoder to zero current", float("nan"), note=note)]
+    if plots is not None:
+        _plot(stages, plots / "performance_whole_loop.png")
+    total = _row("encoder to zero current", stages.sum(axis=1), float(np.median(round_trip)), note)
+    return [total, *(_row(f"  {stage}", stages[:, n], 0.0) for n, stage in enumerate(STAGES))]
+
+
+if __name__ == "__main__":
+    for row in run(
+        float(sys.argv[1]) if len(sys.argv) > 1 else 1.0,
+        Path(sys.argv[2]) if len(sys.argv) > 2 else None,
+    ):
+        print(row)

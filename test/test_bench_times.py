@@ -1,0 +1,51 @@
+"""What the benchmarks make of the boards' log and of the baseline beside it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from board_times import BoardTimes, read_board_log
+from pace_baseline import Pace
+
+LOG = (
+    "boards\t0.9\t33\t00\t0.0\t1.0\n"
+    "command\t1.1\t0\t5\t7\t33\t0.1,0.2\t60.0\t33\t00\t1.0\n"
+    "answer\t1.2\t0\t7\t1.0\t1.1\n"
+    "command\t2.1\t0\t5\t8\t30\t0.1,0.0\t60.0\t30\t00\t1.0\n"
+    "answer\t2.2\t0\t8\t2.0\t2.1\n"
+)
+
+
+@pytest.fixture
+def boards(tmp_path: Path) -> BoardTimes:
+    path = tmp_path / "boards.tsv"
+    path.write_text(LOG)
+    return read_board_log(path)
+
+
+def test_commands_have_the_times_of_their_answers(boards: BoardTimes) -> None:
+    assert boards.arrived.tolist() == [1.0, 2.0]
+    assert boards.measured.tolist() == [1.1, 2.1]
+    assert boards.sent.tolist() == [1.2, 2.2]
+
+
+def test_the_first_command_without_current_is_found(boards: BoardTimes) -> None:
+    assert boards.first_off(1, 1.5) == 1
+    assert boards.first_off(0, 1.5) is None
+
+
+@pytest.mark.parametrize(("time", "answer"), [(1.1, -1), (1.3, 0), (9.0, 1)])
+def test_an_answer_belongs_to_the_state_that_was_received_after_it(
+    boards: BoardTimes, time: float, answer: int
+) -> None:
+    assert boards.answer_before(time) == answer
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "stalled"), [(0.5, 0.9, False), (0.9, 1.1, True), (1.3, 1.9, False)]
+)
+def test_a_stall_explains_what_was_missed_while_it_lasted(
+    begin: float, end: float, stalled: bool
+) -> None:
+    pace = Pace(began=np.array([1.2, 2.0]), lateness=np.array([0.2, 0.0]), round_trip=np.zeros(2))
+    assert pace.stalled(begin, end, limit=0.1) is stalled
