@@ -52,6 +52,7 @@ PACKAGES = {
     "planner": "fastswing_planner",
     "swing_executor": "fastswing_planner",
     "inhibitor": "fastswing_inhibitor",
+    "show_arm": "musashi_muscle_bridge",
     "record": "fastswing_planner",
 }
 NODE_NAMES = {"record": "recorder"}

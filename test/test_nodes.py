@@ -12,7 +12,15 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
-EXECUTABLES = ["mock_driver", "bridge", "planner", "swing_executor", "inhibitor", "record"]
+EXECUTABLES = [
+    "mock_driver",
+    "bridge",
+    "planner",
+    "swing_executor",
+    "inhibitor",
+    "show_arm",
+    "record",
+]
 END_SEC = 60.0
 
 

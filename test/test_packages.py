@@ -30,6 +30,7 @@ KEYS = {
     "mujoco": "python3-mujoco-pip",
     "numpy": "python3-numpy",
     "pytest": "python3-pytest",
+    "rich": "python3-rich",
     "scipy": "python3-scipy",
     "serial": "python3-serial",
     "yaml": "python3-yaml",

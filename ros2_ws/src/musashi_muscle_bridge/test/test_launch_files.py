@@ -25,6 +25,7 @@ COMMON = [
     ("fastswing_planner", "planner"),
     ("fastswing_planner", "swing_executor"),
     ("musashi_muscle_bridge", "bridge"),
+    ("musashi_muscle_bridge", "show_arm"),
 ]
 NODES = {
     "mock.launch.xml": sorted([*COMMON, ("musashi_muscle_bridge", "mock_driver")]),
@@ -111,6 +112,16 @@ def test_every_parameter_is_in_its_nodes_table_and_defaults_are_the_nodes_own(na
             assert read == row.default
 
 
+@pytest.mark.parametrize(
+    ("name", "default"), [("mock.launch.xml", "true"), ("robot.launch.xml", "false")]
+)
+def test_the_arm_is_shown_by_default_where_there_is_no_robot(name: str, default: str) -> None:
+    root = launch_file(name)
+    assert arguments(root)["show"].attrib["default"] == default
+    asked = {node.attrib["exec"]: node.attrib["if"] for node in nodes(root) if "if" in node.attrib}
+    assert asked == {"show_arm": "$(var show)"}
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_only_what_nobody_can_guess_has_no_default(name: str) -> None:
     rows = arguments(launch_file(name))
@@ -132,7 +143,9 @@ def test_the_same_argument_means_the_same_in_every_file(name: str) -> None:
 @pytest.mark.parametrize("name", FILES)
 def test_only_nodes_that_begin_with_nothing_to_do_are_started_again(name: str) -> None:
     again = {node.attrib["exec"] for node in nodes(launch_file(name)) if "respawn" in node.attrib}
-    assert again == ({"inhibitor", "planner", "swing_executor"} if name in ON_A_BUS else set())
+    assert again == (
+        {"inhibitor", "planner", "show_arm", "swing_executor"} if name in ON_A_BUS else set()
+    )
     for node in nodes(launch_file(name)):
         # launch takes no substitution here, and without a delay a wrong parameter floods the log.
         assert (node.get("respawn"), node.get("respawn_delay")) in [(None, None), ("true", "2.0")]
