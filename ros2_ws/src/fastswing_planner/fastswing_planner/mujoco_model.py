@@ -56,6 +56,7 @@ class MujocoMuscleModel:
         """
         self._model = model
         self._data = mujoco.MjData(model)
+        self._tendon_jacobian = TendonJacobian(model, self._data)
         self.joint_names = tuple(joint_names)
         self.muscle_names = tuple(muscle_names)
         bodies = object_names(model, mujoco.mjtObj.mjOBJ_BODY, model.nbody)
@@ -108,10 +109,11 @@ class MujocoMuscleModel:
         """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
         mujoco.mj_tendon(self._model, self._data)
-        dof_arms = tendon_jacobian(self._model, self._data)[self._tendon_rows]
+        dof_arms = self._tendon_jacobian()[self._tendon_rows]
         columns = self._coupling.chosen_dofs
-        arms = dof_arms @ rates if columns is None else dof_arms[:, columns]
-        return made_frozen(np.where(np.abs(arms) < _SMALLEST_ARM, 0.0, arms))
+        arms = dof_arms @ rates if columns is None else dof_arms[:, columns].copy()
+        np.putmask(arms, np.abs(arms) < _SMALLEST_ARM, 0.0)
+        return made_frozen(arms)
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""
@@ -162,13 +164,19 @@ class MujocoMuscleModel:
                 )
 
 
-def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Matrix:
-    """Return d length / d dof of all tendons [m/rad], shape (ntendon, nv).
+class TendonJacobian:
+    """d length / d dof of all tendons [m/rad], shape (ntendon, nv), from MuJoCo's sparse form.
 
-    MuJoCo stores it sparse, one row per tendon (since 3.17; the index arrays are the model's).
+    One row per tendon (since 3.17; the index arrays are the model's).
     """
-    dense = np.zeros((model.ntendon, model.nv))
-    mujoco.mju_sparse2dense(
-        dense, data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind
-    )
-    return dense
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """Look at `data`, whose arrays stay where they are."""
+        rows = (model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind)
+        self._sparse = (data.ten_J, *rows)
+        self._dense = np.zeros((model.ntendon, model.nv))
+
+    def __call__(self) -> Matrix:
+        """Return what the last mj_tendon computed; the next call overwrites it."""
+        mujoco.mju_sparse2dense(self._dense, *self._sparse)
+        return self._dense
