@@ -129,14 +129,22 @@ class Suite:
 
     def start(self, name: str, **parameters: object) -> Process:
         """Start an executable, in place of one that has ended."""
+        return self._start(name, parameters)
+
+    def start_from_file(self, name: str, parameter_file: Path) -> Process:
+        """Start an executable with the parameters of a file."""
+        return self._start(name, {}, "--params-file", str(parameter_file))
+
+    def _start(self, name: str, parameters: Mapping[str, object], *ros_arguments: str) -> Process:
         if name in _ON_THE_BUS:
             parameters = {"bus_url": self.bus_url, **parameters}
         if name in self.processes:
             self._ended.append(self.processes[name])
         log = self._folder / f"{name}_{len(self._ended)}.log"
-        namespace = ["-r", f"__ns:={self.namespace}"] if self.namespace else []
+        namespace = ("-r", f"__ns:={self.namespace}") if self.namespace else ()
         environment = isolated_environment(self.domain)
-        process = Process(PACKAGES[name], name, parameters, environment, log, namespace)
+        ros_arguments = (*namespace, *ros_arguments)
+        process = Process(PACKAGES[name], name, parameters, environment, log, ros_arguments)
         self.processes[name] = process
         return process
 

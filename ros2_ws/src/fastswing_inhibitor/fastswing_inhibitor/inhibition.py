@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,8 +50,7 @@ class InhibitionSettings:
     jump_tolerance: float = 0.1
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(NamedTuple):
     """What to inhibit now.
 
     inhibited            shape (m,); nothing once the swing is over
@@ -210,9 +210,9 @@ class Inhibition:
         if distance < settings.goal_tolerance:
             return Reason.GOAL_REACHED
         # Passed: the projection on the way from start to goal lies beyond the goal.
-        if remaining @ self._way <= 0.0:
+        if remaining.dot(self._way) <= 0.0:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
-        if joints.velocity @ self._way < -settings.reversal_speed * self._way_length:
+        if joints.velocity.dot(self._way) < -settings.reversal_speed * self._way_length:
             return Reason.REVERSED
         return Reason.NONE

@@ -15,10 +15,11 @@ from fastswing_msgs.msg import InhibitionStatus, LengthCommand, MuscleState
 from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
 from fastswing_planner.executor_links import ExecutorLinks
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.qp_solvers import solver_from
+from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot import load_robot
@@ -48,6 +49,7 @@ def _setting(name: str, unit: str, low: float, high: float, description: str) ->
 TABLE = (
     ROBOT_DESCRIPTION,
     REQUEST_MAX_AGE,
+    RAW_MESSAGES,
     Parameter(
         "rate",
         100.0,
@@ -187,6 +189,9 @@ class ExecutorNode(ManagedNode):
         self._period = 1.0 / parameters["rate"]
         self._joint_reader = JointStateReader(self._robot.model.joint_names)
         self._muscle_reader = MuscleStateReader(self._robot.model.muscle_names)
+        self._raw: bool = parameters["raw_messages"]
+        self._raw_joints = RawReader(JointState, JointStateReader.NUMBERS)
+        self._raw_muscles = RawReader(MuscleState, MuscleStateReader.NUMBERS)
         self._joints: JointMeasurement | None = None
         self._muscles: MuscleMeasurement | None = None
         self._links = ExecutorLinks(self)
@@ -218,10 +223,18 @@ class ExecutorNode(ManagedNode):
         )
         self._subscriptions_made = [
             self.create_subscription(
-                JointState, "joint_states", self.guarded(self._on_joints), qos_profile_sensor_data
+                JointState,
+                "joint_states",
+                self.guarded(self._on_joints),
+                qos_profile_sensor_data,
+                raw=self._raw,
             ),
             self.create_subscription(
-                MuscleState, "muscle_state", self.guarded(self._on_muscles), qos_profile_sensor_data
+                MuscleState,
+                "muscle_state",
+                self.guarded(self._on_muscles),
+                qos_profile_sensor_data,
+                raw=self._raw,
             ),
             self.create_subscription(
                 InhibitionStatus, "inhibition_status", self.guarded(self._on_inhibition), 10
@@ -245,8 +258,9 @@ class ExecutorNode(ManagedNode):
 
     # Measurements.
 
-    def _on_joints(self, message: JointState) -> None:
+    def _on_joints(self, received: JointState | bytes) -> None:
         try:
+            message = self._raw_joints.read(received) if self._raw else received
             self._joints = self._joint_reader.read(message, self.monotonic())
         except InvalidRequest as error:
             self._rejected.count(error)
@@ -255,8 +269,9 @@ class ExecutorNode(ManagedNode):
         if self._goal is not None:
             self._goal.add_joints(self._joints)
 
-    def _on_muscles(self, message: MuscleState) -> None:
+    def _on_muscles(self, received: MuscleState | bytes) -> None:
         try:
+            message = self._raw_muscles.read(received) if self._raw else received
             self._muscles = self._muscle_reader.read(message, self.monotonic())
         except InvalidRequest as error:
             self._rejected.count(error)
@@ -267,8 +282,10 @@ class ExecutorNode(ManagedNode):
     def _on_inhibition(self, message: InhibitionStatus) -> None:
         if self._goal is not None:
             reached = message.reason == InhibitionStatus.REASON_GOAL_REACHED
+            # Not its receipt: a node that stood still reads old reports in a row.
+            made = self.monotonic() - max(self.age(message.header.stamp), 0.0)
             self._goal.add_inhibition(
-                InhibitionReport(self.monotonic(), message.armed, reached, message.reason_text)
+                InhibitionReport(made, message.armed, reached, message.reason_text)
             )
 
     def _on_length_command(self, message: LengthCommand) -> None:

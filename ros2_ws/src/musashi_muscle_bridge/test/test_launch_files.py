@@ -14,7 +14,7 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from fastswing_planner.managed_node import AUTOSTART
+from fastswing_planner.managed_node import EVERY_NODE
 from fastswing_planner.parameters import Parameter, check_all
 
 PACKAGE = Path(__file__).parents[1]
@@ -60,7 +60,7 @@ def executable(package: str, name: str) -> EntryPoint:
 
 def table(package: str, name: str) -> dict[str, Parameter]:
     rows = import_module(executable(package, name).module).TABLE
-    return {row.name: row for row in (AUTOSTART, *rows)}
+    return {row.name: row for row in (*EVERY_NODE, *rows)}
 
 
 def parameters(root: ElementTree.Element) -> Iterator[tuple[Parameter, str]]:
