@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector
+from fastswing_planner.arrays import Matrix, Vector, contiguous
 from fastswing_planner.errors import RobotDescriptionError
 
 _LEFT_OVER = 1e-6  # [m/rad, rad/rad]
