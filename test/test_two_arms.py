@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 LAUNCH = Path(get_package_share_directory("musashi_muscle_bridge")) / "launch/mock.launch.xml"
-NODES = ("mock_driver", "bridge", "planner", "swing_executor", "inhibitor")
-# Ten nodes share the machine, and stalls are not what is tried here.
+NODES = ("mock_driver", "bridge", "planner", "swing_executor", "inhibitor", "show_arm")
+# Twelve nodes share the machine, and stalls are not what is tried here.
 PATIENCE = {
     "bridge": {"watchdog_timeout": 0.5},
     "swing_executor": {"state_timeout": 0.5},
@@ -92,7 +92,7 @@ def test_every_topic_and_service_is_in_the_namespace_of_its_arm(arms: tuple[Arm,
 def test_diagnostics_name_the_arm(arms: tuple[Arm, Arm]) -> None:
     suite = arms[0].suite
     wanted = {f"{side}/{name}" for side in ("left", "right") for name in NODES}
-    suite.until("ten nodes in /diagnostics", lambda: wanted <= suite.diagnostics.keys())
+    suite.until("twelve nodes in /diagnostics", lambda: wanted <= suite.diagnostics.keys())
     assert suite.diagnostics.keys() == wanted
 
 
