@@ -276,6 +276,9 @@ class InhibitorNode(ManagedNode):
         text = _REASON_TEXTS[reason]
         if reason is Reason.STALE_STATE and self._inhibition.rejected:
             text += f", {self._inhibition.rejected} rejected: {self._rejected.last}"
+        if reason is Reason.REVERSED and self._inhibition.longest_lapse > 0.0:
+            lapse = self._inhibition.longest_lapse
+            text += f"; joint states came late, muscles were driven again for up to {lapse:.3f} s"
         return text
 
     def _on_arm(
