@@ -86,7 +86,10 @@ class _Templates(NamedTuple):
 
 
 class RawDecisionMessages:
-    """Makes the same messages serialised, of decisions while the inhibitor is armed."""
+    """Makes the same messages serialised, of decisions while the inhibitor is armed.
+
+    Except for the first override of a set of muscles, which is an ordinary message.
+    """
 
     def __init__(
         self, ordinary: DecisionMessages, inhibition: Inhibition, latency: LatencyHistogram
@@ -97,10 +100,13 @@ class RawDecisionMessages:
         self._latency = latency
         self._kept: dict[tuple[str, bytes], _Templates] = {}
 
-    def override(self, header: Any, decision: Decision) -> bytes:
+    def override(self, header: Any, decision: Decision) -> CurrentOverride | bytes:
         """Return the override of a decision; see `DecisionMessages`."""
-        stamp = header.stamp
-        return self._templates(header, decision).override.filled(stamp.sec, stamp.nanosec)
+        kept = self._kept.get(_key(header, decision))
+        if kept is None:
+            # Templates take longer to make than the message: `status` makes them, which can wait.
+            return self._ordinary.override(header, decision)
+        return kept.override.filled(header.stamp.sec, header.stamp.nanosec)
 
     def status(self, header: Any, decision: Decision) -> bytes:
         """Return the status that tells of a decision; see `DecisionMessages`."""
@@ -118,7 +124,7 @@ class RawDecisionMessages:
         )
 
     def _templates(self, header: Any, decision: Decision) -> _Templates:
-        key = (header.frame_id, decision.inhibited.tobytes())
+        key = _key(header, decision)
         kept = self._kept.get(key)
         if kept is None:
             if len(self._kept) == KEPT_TEMPLATES:
@@ -128,6 +134,10 @@ class RawDecisionMessages:
                 MessageTemplate(self._ordinary.status(header, decision), _STATUS_NUMBERS),
             )
         return kept
+
+
+def _key(header: Any, decision: Decision) -> tuple[str, bytes]:
+    return header.frame_id, decision.inhibited.tobytes()
 
 
 def _ordinary(header: Any) -> Header:

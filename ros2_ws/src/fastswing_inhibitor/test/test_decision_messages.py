@@ -16,6 +16,7 @@ from fastswing_inhibitor.decision_messages import (
 )
 from fastswing_inhibitor.inhibition import Decision, Reason
 from fastswing_inhibitor.latency import LatencyHistogram
+from fastswing_msgs.msg import CurrentOverride
 from fastswing_planner.raw_messages import MessageTemplate
 
 LEASE = Duration(nanosec=50_000_000)
@@ -47,14 +48,19 @@ class Both:
         self.raw = RawDecisionMessages(self.ordinary, state, self.latency)
 
     def agree(self, header: Header, decision: Decision) -> bool:
-        """Whether both make the same of a decision."""
+        """Whether both make the same of a decision, the first time and from then on."""
+        override = bits(self.ordinary.override(header, decision))
+        first = bits(self.raw.override(header, decision))
+        status = self.raw.status(header, decision)
         return (
-            self.raw.override(header, decision) == bits(self.ordinary.override(header, decision))
-        ) and self.raw.status(header, decision) == bits(self.ordinary.status(header, decision))
+            first == override
+            and self.raw.override(header, decision) == override
+            and status == bits(self.ordinary.status(header, decision))
+        )
 
 
 def bits(message: Any) -> bytes:
-    return MessageTemplate(message, ()).filled()
+    return message if isinstance(message, bytes) else MessageTemplate(message, ()).filled()
 
 
 @settings(deadline=None, derandomize=True)
@@ -79,9 +85,17 @@ def test_more_sets_of_muscles_than_are_kept_are_served_too() -> None:
         assert both.agree(Header(), decision)
 
 
+def test_the_first_override_of_a_set_of_muscles_waits_for_no_template() -> None:
+    both, decision = Both(), Decision(np.ones(6, dtype=bool), np.zeros(6), False, Reason.NONE)
+    assert isinstance(both.raw.override(Header(), decision), CurrentOverride)
+    both.raw.status(Header(), decision)
+    assert isinstance(both.raw.override(Header(), decision), bytes)
+
+
 def test_a_plain_header_is_that_of_the_joint_state() -> None:
     both, decision = Both(), Decision(np.ones(6, dtype=bool), np.zeros(6), False, Reason.NONE)
     plain: Any = SimpleNamespace(stamp=SimpleNamespace(sec=7, nanosec=9), frame_id="base")
     header = Header(stamp=Time(sec=7, nanosec=9), frame_id="base")
     assert both.ordinary.override(plain, decision) == both.ordinary.override(header, decision)
+    assert both.raw.status(plain, decision) == both.raw.status(header, decision)
     assert both.raw.override(plain, decision) == both.raw.override(header, decision)
