@@ -1,59 +1,51 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo view fit faults soak bench bench-check security test build setup lint clean
+.PHONY: help demo view fit faults soak bench bench-check security docs test build setup lint clean
 
-help:
-	@printf '%s\n' \
-	  'make demo      swing the arm three ways through real ROS 2 nodes; results in out/demo' \
-	  'make view      swing the arm in a window of MuJoCo; needs a screen' \
-	  'make test      all tests; make test ARGS="-k ramp" for some of them' \
-	  'make lint      ruff, ruff format and mypy' \
-	  'make fit       fit arm and emulated winches to the paper again; results in out/fit' \
-	  'make faults    break everything, many times; writes docs/fault_matrix.md' \
-	  'make soak      swing for 30 minutes at 1 kHz; memory and rates in out/soak' \
-	  'make bench     measure everything beside a baseline; results in out/bench, docs/performance.md' \
-  'make bench-check  is a ratio worse than the last accepted one?' \
-  'make security  make keys for authenticated and encrypted ROS; results in keystore' \
-	  'make build     set up and build the workspace; the commands above do it by themselves' \
-	  'make clean     remove everything that these commands made, but no keystore' \
-	  '' \
-	  'In a shell of your own: source scripts/ros_env.bash'
+# What follows ## beside a target is what `make` says about it.
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):[^#]*## /make \1\t/p' $(MAKEFILE_LIST) | expand -t 18
+	@printf '\nIn a shell of your own: source scripts/ros_env.bash\n'
 
-demo: build
+demo: build ## swing the arm three ways through real ROS 2 nodes; results in out/demo
 	@scripts/ros_env python demo/run_demo.py $(ARGS)
 
-view: build
+view: build ## swing the arm in a window of MuJoCo; needs a screen
 	@scripts/ros_env ros2_ws/install/musashi_muscle_bridge/lib/musashi_muscle_bridge/view_swing $(ARGS)
 
-fit: build
+fit: build ## fit arm and emulated winches to the paper again; results in out/fit
 	@scripts/ros_env python fit/kinematic_fit.py $(ARGS)
 	@scripts/ros_env python fit/plant_fit.py $(ARGS)
 
-faults: build
+faults: build ## break everything, many times, for an hour; writes docs/fault_matrix.md
 	@scripts/ros_env python test/faults/run_matrix.py $(ARGS)
 
-soak: build
+soak: build ## swing for 30 minutes at 1 kHz; memory and rates in out/soak: docs/soak.md
 	@scripts/ros_env python test/soak/soak.py $(ARGS)
 
-bench: build
+bench: build ## measure all beside baselines, half an hour; results in out/bench, docs/performance.md
 	@scripts/ros_env python test/bench/run_bench.py $(ARGS)
 
-bench-check: build
+bench-check: build ## is a ratio worse than the last accepted one?
 	@scripts/ros_env python test/bench/run_bench.py --check $(ARGS)
 
-security: setup
+security: setup ## make keys for authenticated and encrypted ROS, in keystore: SECURITY.md
 	@.venv/bin/python security/make_keystore.py $(ARGS)
 
-test: build
+docs: build ## docs/parameters.md again, and the API reference; results in out/docs
+	@scripts/ros_env python pages/parameter_page.py
+	@scripts/ros_env python pages/api_reference.py
+
+test: build ## all tests; make test ARGS="-k ramp" for some of them
 	@scripts/ros_env python -m pytest $(ARGS)
 
-build:
+build: ## set up and build the workspace; the others do it by themselves
 	@python3 scripts/build_workspace.py
 
-setup:
+setup: ## make the Python environment alone
 	@python3 scripts/setup_workspace.py
 
-lint: setup
+lint: setup ## ruff, ruff format and mypy
 	@.venv/bin/ruff check
 	@.venv/bin/ruff format --check
 	@.venv/bin/mypy
@@ -61,6 +53,6 @@ lint: setup
 	@.venv/bin/mypy ros2_ws/src/fastswing_planner/test
 	@.venv/bin/mypy ros2_ws/src/musashi_muscle_bridge/test
 
-clean:
+clean: ## remove everything that these commands made, but no keystore
 	rm -rf .venv ros2_ws/build ros2_ws/install ros2_ws/log out setup.log .workspace.lock
 	rm -rf .mypy_cache .pytest_cache .ruff_cache .hypothesis

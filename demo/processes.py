@@ -73,22 +73,24 @@ class Process:
         log: Path,
         ros_arguments: Sequence[str] = (),
         prefix: Sequence[str] = (),
+        arguments: Sequence[str] = (),
     ) -> None:
         """Start `ros2 run PACKAGE NAME` with parameters, out of reach of the terminal's Ctrl-C.
 
         ros_arguments  more of what follows --ros-args, such as -r __ns:=/left
         prefix         a command that becomes the node, such as nsenter
+        arguments      what stands before --ros-args
         """
         self.name = name
         self.log = log
-        arguments = [*prefix, str(executable(package, name))]
+        command = [*prefix, str(executable(package, name)), *arguments]
         if parameters or ros_arguments:
-            arguments += ["--ros-args", *ros_arguments]
+            command += ["--ros-args", *ros_arguments]
         for key, value in parameters.items():
-            arguments += ["-p", f"{key}:={value}"]
+            command += ["-p", f"{key}:={value}"]
         with log.open("w") as output:
             self._process = subprocess.Popen(
-                arguments,
+                command,
                 env=dict(environment),
                 stdin=subprocess.DEVNULL,
                 stdout=output,

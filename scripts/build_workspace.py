@@ -22,7 +22,10 @@ SOURCE = WORKSPACE / "src"
 INSTALL = WORKSPACE / "install"
 STAMP = INSTALL / ".fastswing-built"
 # What an installed package is not made of.
-IGNORED = ("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis", "test")
+IGNORED = (
+    *("__pycache__", ".pytest_cache", ".mypy_cache", ".ruff_cache", ".hypothesis"),
+    *("CHANGELOG.rst", "test"),
+)
 # In the stamp instead of a fingerprint: a build that never came to its end, and one that failed.
 RUNNING, FAILED = "running", "failed"
 RUN_COLCON = "import sys; from colcon_core.command import main; sys.exit(main())"
@@ -40,7 +43,7 @@ def _files(package: Path) -> Iterator[Path]:
     for directory, folders, names in os.walk(package):
         folders[:] = sorted(name for name in folders if name not in IGNORED)
         for name in sorted(names):
-            if not name.endswith((".pyc", "~", ".swp")):
+            if name not in IGNORED and not name.endswith((".pyc", "~", ".swp")):
                 yield package / directory / name
 
 

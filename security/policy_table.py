@@ -49,6 +49,7 @@ TYPE_SERVICE = "~/get_type_description"
 STATES = ("joint_states", "muscle_state")
 COMMANDS = ("length_command", "tension_command", "current_command", "current_override")
 WATCHED = (*STATES, "inhibition_status", "swing_plan")
+PICTURE = "arm_markers"
 STOPS = ("emergency_stop", "hold_posture")
 
 
@@ -97,6 +98,18 @@ NODES = tuple(
                 subscribes=("joint_states",),
                 serves=("arm_inhibitor", "disarm_inhibitor"),
             ),
+            Policy(
+                "monitor",
+                subscribes=(
+                    *STATES,
+                    "current_override",
+                    "inhibition_status",
+                    "execute_swing/_action/feedback",
+                    "/diagnostics",
+                ),
+                calls=(*STOPS, "clear_faults"),
+            ),
+            Policy("show_arm", publishes=(PICTURE,), subscribes=STATES),
             Policy("recorder", subscribes=(*WATCHED, *COMMANDS, "/diagnostics")),
         ),
     )
@@ -124,7 +137,7 @@ TASK = _plain_node(
 COMMAND_LINE = Policy(
     "_ros2cli_*",
     publishes=("/parameter_events",),
-    subscribes=(*WATCHED, *COMMANDS, "/diagnostics", "/rosout"),
+    subscribes=(*WATCHED, *COMMANDS, PICTURE, "/diagnostics", "/rosout"),
     serves=(TYPE_SERVICE,),
     calls=(
         "plan_swing",

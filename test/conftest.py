@@ -3,7 +3,7 @@
 import os
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ from fastswing_msgs.msg import ErrorCode, LengthCommand, MuscleState
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
+from test.launch_rehearsal import programs
 
 ROOT = Path(__file__).parents[1]
 with warnings.catch_warnings():
@@ -51,6 +52,7 @@ PACKAGES = {
     "planner": "fastswing_planner",
     "swing_executor": "fastswing_planner",
     "inhibitor": "fastswing_inhibitor",
+    "show_arm": "musashi_muscle_bridge",
     "record": "fastswing_planner",
 }
 NODE_NAMES = {"record": "recorder"}
@@ -67,9 +69,14 @@ _ON_THE_BUS = ("mock_driver", "bridge")
 class Suite:
     """Some of the nodes, each a process, and what they publish."""
 
-    def __init__(self, folder: Path) -> None:
-        """Write the logs into `folder`."""
-        self.domain = free_domain()
+    def __init__(self, folder: Path, namespace: str = "", domain: int | None = None) -> None:
+        """Write the logs into `folder`.
+
+        namespace  of the nodes and of what is listened to, such as /left
+        domain     the ROS domain to share with another suite
+        """
+        self.domain = free_domain() if domain is None else domain
+        self.namespace = namespace
         self.processes: dict[str, Process] = {}
         self.robot = load_robot(resolve_path(MUSASHI))
         self.muscles: MuscleState | None = None
@@ -89,6 +96,7 @@ class Suite:
         )
         self.node = Node(
             "beside",
+            namespace=namespace,
             context=self._context,
             use_global_arguments=False,
             enable_rosout=False,
@@ -121,14 +129,43 @@ class Suite:
 
     def start(self, name: str, **parameters: object) -> Process:
         """Start an executable, in place of one that has ended."""
+        return self._start(name, parameters)
+
+    def start_from_file(self, name: str, parameter_file: Path) -> Process:
+        """Start an executable with the parameters of a file."""
+        return self._start(name, {}, "--params-file", str(parameter_file))
+
+    def _start(self, name: str, parameters: Mapping[str, object], *ros_arguments: str) -> Process:
         if name in _ON_THE_BUS:
             parameters = {"bus_url": self.bus_url, **parameters}
         if name in self.processes:
             self._ended.append(self.processes[name])
         log = self._folder / f"{name}_{len(self._ended)}.log"
-        process = Process(PACKAGES[name], name, parameters, isolated_environment(self.domain), log)
+        namespace = ("-r", f"__ns:={self.namespace}") if self.namespace else ()
+        environment = isolated_environment(self.domain)
+        ros_arguments = (*namespace, *ros_arguments)
+        process = Process(PACKAGES[name], name, parameters, environment, log, ros_arguments)
         self.processes[name] = process
         return process
+
+    def launch(
+        self, file: Path, changes: Mapping[str, Mapping[str, object]], **values: str
+    ) -> None:
+        """Start what a launch file starts with these arguments.
+
+        changes  further parameters by executable, which the file has no arguments for
+        """
+        environment = isolated_environment(self.domain)
+        for program in programs(file, values):
+            self.processes[program.name] = Process(
+                program.package,
+                program.name,
+                changes.get(program.name, {}),
+                environment,
+                self._folder / f"{program.name}.log",
+                program.ros_arguments,
+                arguments=program.arguments,
+            )
 
     def start_another(self, name: str) -> Process:
         """Start an executable beside the one there is, in a ROS domain of its own."""

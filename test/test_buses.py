@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from lab_bus_page import install_lab_bus
 from lifecycle_msgs.msg import State
 
 from fastswing_msgs.msg import MuscleState
@@ -15,14 +16,18 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
-LAB_BUS = Path(__file__).parents[1] / "ros2_ws/src/musashi_muscle_bridge/test/lab_bus"
+
+@pytest.fixture(scope="module")
+def lab_bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return install_lab_bus(tmp_path_factory.mktemp("lab"))
 
 
 @pytest.fixture(params=["serial", "lab"])
 def url(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param == "serial":
         return f"serial://{tmp_path}/boards?pty=true"
-    monkeypatch.setenv("PYTHONPATH", f"{LAB_BUS}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    path = f"{request.getfixturevalue('lab_bus')}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+    monkeypatch.setenv("PYTHONPATH", path)
     return f"lab://{tmp_path}/lab.socket"
 
 

@@ -1,12 +1,15 @@
 """The inhibitor as a node: what arms it, what it reports."""
 
+from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
 from lifecycle_msgs.msg import State
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.system
 
 THRESHOLD = 0.07
+FRAME = "base"
 
 
 class Lone:
@@ -27,6 +31,7 @@ class Lone:
         self.suite = suite
         self.statuses: list[InhibitionStatus] = []
         self.overrides: list[CurrentOverride] = []
+        self.sent: deque[Header] = deque(maxlen=1000)
         node = suite.node
         node.create_subscription(InhibitionStatus, "inhibition_status", self.statuses.append, 1000)
         node.create_subscription(CurrentOverride, "current_override", self.overrides.append, 1000)
@@ -46,10 +51,14 @@ class Lone:
             position=self.place.tolist(),
             velocity=[0.0] * len(joints),
         )
+        message.header.frame_id = FRAME
         message.header.stamp.sec -= self.streaming.get("late", 0)
         if self.streaming.get("broken"):
             message.position[0] = np.nan
-        self._states.publish(message)
+        self.sent.append(message.header)
+        # A cut message is none; a publisher sends bytes as they are.
+        cut = self.streaming.get("cut")
+        self._states.publish(serialize_message(message)[:cut] if cut else message)
 
     def ask(self, **changes: Any) -> ArmInhibitor.Response:
         """Ask once to arm for the robot's own swing, with some fields changed."""
@@ -71,14 +80,14 @@ class Lone:
         return self.statuses[-1]
 
 
-@pytest.fixture(scope="module")
-def inhibitor(tmp_path_factory: pytest.TempPathFactory) -> Any:
+@pytest.fixture(scope="module", params=[True, False], ids=["raw", "ordinary"])
+def inhibitor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
     from test.conftest import Suite
 
     suite = Suite(tmp_path_factory.mktemp("inhibitor"))
     try:
         # A shared machine stalls for longer than a robot PC may.
-        suite.start("inhibitor", threshold=THRESHOLD, state_timeout=0.3)
+        suite.start("inhibitor", threshold=THRESHOLD, state_timeout=0.3, raw_messages=request.param)
         suite.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
         yield Lone(suite)
     finally:
@@ -157,6 +166,28 @@ def test_joint_states_that_cannot_be_used_disarm_and_are_counted(lone: Lone) -> 
     assert ended.reason_text == (
         f"joint states stopped, {ended.rejected} rejected: position of S-p is nan"
     )
+
+
+def test_the_header_of_an_answer_is_that_of_its_joint_state(lone: Lone) -> None:
+    lone.arm()
+    lone.suite.until("answers", lambda: min(len(lone.overrides), len(lone.statuses) - 1) > 50)
+    answers = [*lone.overrides[:50], *lone.statuses[1:50]]
+    assert all(answer.header in lone.sent for answer in answers)
+    assert lone.overrides[0].header.frame_id == FRAME
+
+
+@pytest.mark.parametrize("inhibitor", [True], indirect=True, ids=["raw"])
+def test_joint_states_that_cannot_be_decoded_are_counted_and_survived(lone: Lone) -> None:
+    lone.arm()
+    lone.streaming = {"cut": 50}
+    assert "undecodable message" in lone.until_disarmed().reason_text
+    lone.suite.until(
+        "the count",
+        lambda: int(lone.suite.reported("inhibitor", "rejected_invalid_request") or 0) > 0,
+    )
+    lone.streaming = {}
+    lone.suite.let_states_pass(20)
+    lone.arm()
 
 
 def test_joint_states_that_are_old_disarm(lone: Lone) -> None:

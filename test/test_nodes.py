@@ -1,10 +1,13 @@
 """Every executable starts, becomes active and ends as it should."""
 
+import os
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from ament_index_python.packages import get_package_share_directory
+from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State
 
 if TYPE_CHECKING:
@@ -12,7 +15,15 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.system
 
-EXECUTABLES = ["mock_driver", "bridge", "planner", "swing_executor", "inhibitor", "record"]
+EXECUTABLES = [
+    "mock_driver",
+    "bridge",
+    "planner",
+    "swing_executor",
+    "inhibitor",
+    "show_arm",
+    "record",
+]
 END_SEC = 60.0
 
 
@@ -53,6 +64,54 @@ def test_a_node_uses_no_shared_memory_of_dds(
     world.wait_for_state(executable, State.PRIMARY_STATE_ACTIVE)
     maps = Path(f"/proc/{world.processes[executable].pid}/maps").read_text()
     assert "fastrtps_port" not in maps
+
+
+@pytest.mark.parametrize("executable", EXECUTABLES)
+def test_a_node_loads_nothing_heavy_that_it_does_not_use(
+    world: "Suite", executable: str, tmp_path: Path
+) -> None:
+    start(world, executable, tmp_path)
+    world.wait_for_state(executable, State.PRIMARY_STATE_ACTIVE)
+    maps = Path(f"/proc/{world.processes[executable].pid}/maps").read_text()
+    assert [name for name in ("glfw", "/matplotlib/", "/pandas/", "/scipy/") if name in maps] == []
+
+
+@pytest.mark.parametrize("executable", EXECUTABLES)
+def test_the_timers_of_a_node_and_of_its_middleware_are_tight(
+    world: "Suite", executable: str, tmp_path: Path
+) -> None:
+    start(world, executable, tmp_path)
+    world.wait_for_state(executable, State.PRIMARY_STATE_ACTIVE)
+    process = world.processes[executable].pid
+    threads = [thread.name for thread in Path(f"/proc/{process}/task").iterdir()]
+    slack = {name: int(Path(f"/proc/{name}/timerslack_ns").read_text()) for name in threads}
+    assert slack[str(process)] == 1
+    # numpy's own threads are older.
+    assert sum(value == 1 for value in slack.values()) > len(threads) / 2
+
+
+def test_all_threads_of_a_node_run_on_the_cores_of_its_parameter(world: "Suite") -> None:
+    core = min(os.sched_getaffinity(0))
+    process = world.start("inhibitor", cpu_affinity=f"[{core}]")
+    world.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
+    threads = Path(f"/proc/{process.pid}/task").iterdir()
+    assert {tuple(os.sched_getaffinity(int(one.name))) for one in threads} == {(core,)}
+
+
+def test_what_the_kernel_refuses_is_a_warning_of_a_node_that_works(world: "Suite") -> None:
+    process = world.start("inhibitor", cpu_affinity="[1023]")
+    world.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
+    text = "cpu_affinity [1023] refused: Invalid argument"
+    world.until("diagnostics", lambda: "inhibitor" in world.diagnostics)
+    status = world.diagnostics["inhibitor"]
+    assert (status.level, status.message) == (DiagnosticStatus.WARN, text)
+    assert text in process.log.read_text()
+
+
+def test_the_bridge_takes_its_parameter_file(world: "Suite") -> None:
+    share = Path(get_package_share_directory("musashi_muscle_bridge"))
+    world.start_from_file("bridge", share / "config" / "bridge.yaml")
+    world.wait_for_state("bridge", State.PRIMARY_STATE_ACTIVE)
 
 
 def test_a_parameter_out_of_range_ends_the_node_with_2(world: "Suite") -> None:

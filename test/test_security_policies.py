@@ -1,5 +1,6 @@
 """The table of policies permits exactly what the running nodes open: names as DDS has them."""
 
+import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -51,8 +52,11 @@ EXECUTABLES = {
     "planner": ("fastswing_planner", "planner"),
     "swing_executor": ("fastswing_planner", "swing_executor"),
     "inhibitor": ("fastswing_inhibitor", "inhibitor"),
+    "monitor": ("musashi_muscle_bridge", "monitor"),
+    "show_arm": ("musashi_muscle_bridge", "show_arm"),
     "recorder": ("fastswing_planner", "record"),
 }
+IN_A_TERMINAL = (sys.executable, "-c", "import pty, sys; pty.spawn(sys.argv[1:])")
 TIMEOUT_SEC = 60.0
 SETTLED_SEC = 2.0
 NOTHING = Access(frozenset(), frozenset())
@@ -140,19 +144,21 @@ class Fleet:
 
     def start(self, node: str, *ros_arguments: str) -> None:
         package, name = EXECUTABLES[node]
-        parameters: dict[str, object] = {"bus_url": self._bus}
+        parameters: dict[str, object] = {}
         if node == "recorder":
             parameters = {"output": self._folder / "bag.mcap"}
-        elif package != "musashi_muscle_bridge":
-            parameters = {}
+        elif node in ("bridge", "mock_driver"):
+            parameters = {"bus_url": self._bus}
+        environment = {**isolated_environment(self.domain), "TERM": "xterm"}
         self.processes.append(
             Process(
                 package,
                 name,
                 parameters,
-                isolated_environment(self.domain),
+                environment,
                 self._folder / f"{node}.log",
                 ros_arguments=["-r", f"__ns:={NAMESPACE}", *ros_arguments],
+                prefix=IN_A_TERMINAL if node == "monitor" else (),
             )
         )
 
@@ -291,9 +297,9 @@ def enclaves_that(topic: str, way: Callable[[Access], frozenset[str]]) -> set[st
 @pytest.mark.parametrize("command", COMMANDS)
 def test_only_the_bridge_reads_commands_to_act_on_them(command: str) -> None:
     readers = enclaves_that(f"rt/{command}", lambda access: access.subscribe)
-    # The executor reads its own, to notice somebody else's.
-    listening = {"swing_executor"} if command == "length_command" else set()
-    assert readers == {"bridge", "recorder", "operator"} | listening
+    # The executor reads its own, to notice somebody else's; the monitor shows overrides.
+    listening = {"length_command": {"swing_executor"}, "current_override": {"monitor"}}
+    assert readers == {"bridge", "recorder", "operator"} | listening.get(command, set())
 
 
 @pytest.mark.parametrize(
@@ -306,7 +312,7 @@ def test_only_the_bridge_reads_commands_to_act_on_them(command: str) -> None:
         ("rt/joint_states", {"bridge"}),
         ("rt/muscle_state", {"bridge"}),
         ("rq/arm_inhibitorRequest", {"swing_executor"}),
-        ("rq/clear_faultsRequest", {"operator"}),
+        ("rq/clear_faultsRequest", {"operator", "monitor"}),
         ("rq/execute_swing/_action/send_goalRequest", {"task"}),
         ("rr/emergency_stopReply", {"bridge"}),
     ],
@@ -315,8 +321,8 @@ def test_what_moves_the_arm_has_no_other_writer(topic: str, writers: set[str]) -
     assert enclaves_that(topic, lambda access: access.publish) == writers
 
 
-@pytest.mark.parametrize("enclave", ["task", "operator"])
-def test_task_code_and_operator_can_stop_the_arm(enclave: str) -> None:
+@pytest.mark.parametrize("enclave", ["task", "operator", "monitor"])
+def test_task_code_operator_and_monitor_can_stop_the_arm(enclave: str) -> None:
     assert {"rq/emergency_stopRequest", "rq/hold_postureRequest"} <= (
         enclave_access(ENCLAVES[enclave]).publish
     )

@@ -54,6 +54,7 @@ class Swing:
 
     distance_to_end  [rad] NaN before it is told
     arrived_at       monotonic time [s] at which the arm was first told to be there; NaN before
+    ended_at         monotonic time [s] at which the result came; NaN before
     """
 
     def __init__(self, suite: "Suite", method: int) -> None:
@@ -62,7 +63,9 @@ class Swing:
         self.distance_to_end = self.arrived_at = math.nan
         goal = suite.goal(options=SwingOptions(method=method))
         self._handle = suite.send_goal(goal, self._on_feedback)
+        self.ended_at = math.nan
         self._future = self._handle.get_result_async()
+        self._future.add_done_callback(self._on_result)
 
     def _on_feedback(self, message: Any) -> None:
         self.phases.append(message.feedback.phase)
@@ -71,6 +74,9 @@ class Swing:
         near = swinging and self.distance_to_end < ARRIVAL_TOLERANCE
         if near and math.isnan(self.arrived_at):
             self.arrived_at = time.monotonic()
+
+    def _on_result(self, _future: Any) -> None:
+        self.ended_at = time.monotonic()
 
     @property
     def ended(self) -> bool:
@@ -101,6 +107,8 @@ class Bench:
         self._clock_ahead: float | None = None
         self.simulated: set[str] = set()
         suite.node.create_subscription(DiagnosticArray, "/diagnostics", self._hear, 100)
+        self.tidied_at = 0.0
+        """Monotonic time [s]: the arm was sound, and boards got their commands from then on."""
         self.notes: list[str] = []
         """What else is worth telling about the present fault."""
         self.genuine: JointState | None = None
@@ -229,6 +237,7 @@ class Bench:
         suite.fresh_muscles()
         suite.hold()
         suite.trigger("disarm_inhibitor")
+        self.tidied_at = time.monotonic()
 
     def _mend_control_process(self) -> None:
         """Let it go on; end a bridge without one."""

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import TypeVar
 
@@ -95,6 +97,11 @@ class BoardLines:
                 break
             found.append(line)
         return found[::-1]
+
+    def longest_gap(self, time: float) -> float:
+        """Return the longest time [s] without a command since a time [s]."""
+        times = [line.time for line in self.commands_since(time)]
+        return max((later - earlier for earlier, later in pairwise(times)), default=inf)
 
     def letting_go(self, time: float) -> bool:
         """Whether the last command until a time [s] let a muscle go."""

@@ -18,7 +18,7 @@ setup(
     zip_safe=True,
     maintainer="fastswing maintainers",
     maintainer_email="maintainers@fastswing.example",
-    description="Plans, executes and records fast swings of tendon-driven arms.",
+    description="Plans, executes, records and analyses fast swings of tendon-driven arms.",
     license="Apache-2.0",
     entry_points={
         "console_scripts": [

@@ -1,4 +1,4 @@
-"""Installs the bridge, the mock driver, launch files and Musashi's description."""
+"""Installs the bridge, the mock driver, monitor, launch files and Musashi's description."""
 
 from glob import glob
 
@@ -17,6 +17,7 @@ setup(
         (f"share/{PACKAGE}/config", glob("config/*")),
         (f"share/{PACKAGE}/description", glob("description/*")),
         (f"share/{PACKAGE}/launch", glob("launch/*")),
+        (f"share/{PACKAGE}/rviz", glob("rviz/*")),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
@@ -27,7 +28,10 @@ setup(
     entry_points={
         "console_scripts": [
             "bridge = musashi_muscle_bridge.bridge_node:main",
+            "calibrate = musashi_muscle_bridge.calibrate_node:main",
             "mock_driver = musashi_muscle_bridge.mock_driver_node:main",
+            "monitor = musashi_muscle_bridge.monitor_node:main",
+            "show_arm = musashi_muscle_bridge.show_arm_node:main",
             "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
             "view_swing = musashi_muscle_bridge.view_swing:main",
         ],

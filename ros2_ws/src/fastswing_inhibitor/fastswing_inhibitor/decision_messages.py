@@ -16,7 +16,8 @@ from fastswing_inhibitor.latency import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus
 from fastswing_planner.raw_messages import STAMP, MessageTemplate
 
-_KEPT_TEMPLATES = 64
+KEPT_TEMPLATES = 64
+"""Sets of inhibited muscles; a swing has a few."""
 _STATUS_NUMBERS = (
     *STAMP,
     "threshold",
@@ -120,7 +121,7 @@ class RawDecisionMessages:
         key = (header.frame_id, decision.inhibited.tobytes())
         kept = self._kept.get(key)
         if kept is None:
-            if len(self._kept) == _KEPT_TEMPLATES:
+            if len(self._kept) == KEPT_TEMPLATES:
                 del self._kept[next(iter(self._kept))]
             kept = self._kept[key] = _Templates(
                 MessageTemplate(self._ordinary.override(header, decision), STAMP),

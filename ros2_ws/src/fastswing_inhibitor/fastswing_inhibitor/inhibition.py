@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 
@@ -49,8 +50,7 @@ class InhibitionSettings:
     jump_tolerance: float = 0.1
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(NamedTuple):
     """What to inhibit now.
 
     inhibited            shape (m,); nothing once the swing is over
@@ -84,7 +84,10 @@ class Arming:
 
 
 class Inhibition:
-    """One decision for each joint state, while armed."""
+    """One decision for each joint state, while armed.
+
+    longest_lapse  [s] for which a lease was over before the next decision: muscles came back
+    """
 
     def __init__(
         self, model: MuscleModel, velocity_limit: Vector, settings: InhibitionSettings
@@ -101,6 +104,7 @@ class Inhibition:
         self.reason = Reason.NEVER_ARMED
         self.decisions = 0
         self.rejected = 0
+        self.longest_lapse = 0.0
 
     @property
     def armed(self) -> bool:
@@ -132,6 +136,7 @@ class Inhibition:
         self.reason = Reason.NONE
         self.decisions = 0
         self.rejected = 0
+        self.longest_lapse = 0.0
 
     def disarm(self, reason: Reason) -> None:
         """End the swing; the first reason stays."""
@@ -172,6 +177,9 @@ class Inhibition:
         if age > allowed:
             raise StaleState(f"a joint state is {age:.3f} s old, at most {allowed:g} s")
         end = self._end_reason(joints, arming)
+        if self._last is not None:
+            lapse = now - self._last.time - self._settings.lease
+            self.longest_lapse = max(self.longest_lapse, lapse)
         self._last = joints
         self._seen = joints.time
         if end is not Reason.NONE:
@@ -210,9 +218,9 @@ class Inhibition:
         if distance < settings.goal_tolerance:
             return Reason.GOAL_REACHED
         # Passed: the projection on the way from start to goal lies beyond the goal.
-        if remaining @ self._way <= 0.0:
+        if remaining.dot(self._way) <= 0.0:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
-        if joints.velocity @ self._way < -settings.reversal_speed * self._way_length:
+        if joints.velocity.dot(self._way) < -settings.reversal_speed * self._way_length:
             return Reason.REVERSED
         return Reason.NONE

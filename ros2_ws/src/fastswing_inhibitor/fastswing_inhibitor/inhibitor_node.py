@@ -55,8 +55,9 @@ TABLE = (
     Parameter(
         "threshold",
         0.0,
-        "C of arming requests whose threshold is NaN. The swing executor never asks so: it arms "
-        "with the C that its plan was made with.",
+        "C of arming requests whose threshold is NaN: muscles with q above it lose their current. "
+        "Larger lets fewer muscles go. The swing executor never asks so: it arms with the C that "
+        "its plan was made with.",
         "s/rad",
         0.0,
         1e6,
@@ -72,11 +73,19 @@ TABLE = (
         0.2,
     ),
     RAW_MESSAGES,
-    Parameter("max_time_limit", 5.0, "Longest time limit of an arming request.", "s", 0.1, 60.0),
+    Parameter(
+        "max_time_limit",
+        5.0,
+        "Longest time limit of an arming request: no muscle is let go for longer.",
+        "s",
+        0.1,
+        60.0,
+    ),
     Parameter(
         "velocity_threshold",
         _DEFAULTS.velocity_threshold,
-        "Below this joint speed the direction to the goal is used instead of the arm's own.",
+        "Below this joint speed the direction to the goal chooses the muscles to let go, above it "
+        "the arm's own motion. Too low, noise of a resting arm chooses them.",
         "rad/s",
         1e-3,
         10.0,
@@ -84,8 +93,8 @@ TABLE = (
     Parameter(
         "reversal_speed",
         _DEFAULTS.reversal_speed,
-        "An arm that moves faster than this away from the goal disarms. Above the executor's "
-        "rest_speed.",
+        "An arm that moves faster than this away from the goal disarms: all muscles are driven "
+        "again. Keep it above the executor's rest_speed.",
         "rad/s",
         1e-3,
         10.0,
@@ -93,7 +102,8 @@ TABLE = (
     Parameter(
         "state_timeout",
         _DEFAULTS.state_timeout,
-        "A joint state older than this disarms.",
+        "Joint states older than this disarm: the muscles are driven again. Longer forgives "
+        "stalls, and lets an unseen arm fall for as long.",
         "s",
         0.002,
         1.0,
@@ -101,7 +111,8 @@ TABLE = (
     Parameter(
         "goal_tolerance",
         _DEFAULTS.goal_tolerance,
-        "The goal counts as reached this near to it.",
+        "This near to the goal all muscles are driven again and brake the arm. Larger brakes "
+        "earlier.",
         "rad",
         1e-3,
         1.0,
@@ -109,7 +120,8 @@ TABLE = (
     Parameter(
         "max_joint_speed",
         _DEFAULTS.max_joint_speed,
-        "A joint that moved faster between two states has jumped; that disarms.",
+        "A joint that moved faster between two states has jumped: a sensor is wrong. That disarms, "
+        "and all muscles are driven again. Above any speed of the arm.",
         "rad/s",
         0.1,
         1000.0,
@@ -264,6 +276,9 @@ class InhibitorNode(ManagedNode):
         text = _REASON_TEXTS[reason]
         if reason is Reason.STALE_STATE and self._inhibition.rejected:
             text += f", {self._inhibition.rejected} rejected: {self._rejected.last}"
+        if reason is Reason.REVERSED and self._inhibition.longest_lapse > 0.0:
+            lapse = self._inhibition.longest_lapse
+            text += f"; joint states came late, muscles were driven again for up to {lapse:.3f} s"
         return text
 
     def _on_arm(

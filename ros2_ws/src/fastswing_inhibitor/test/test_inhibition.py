@@ -57,8 +57,8 @@ def joints(
     return JointMeasurement(START + after, frozen(position), frozen(velocity))
 
 
-def disarmed() -> Inhibition:
-    return Inhibition(FourMuscles(), LIMIT, SETTINGS)
+def disarmed(settings: InhibitionSettings = SETTINGS) -> Inhibition:
+    return Inhibition(FourMuscles(), LIMIT, settings)
 
 
 def armed(
@@ -66,8 +66,9 @@ def armed(
     threshold: float = 0.0,
     protected: tuple[int, ...] = (),
     time_limit: float = 3.0,
+    settings: InhibitionSettings = SETTINGS,
 ) -> Inhibition:
-    inhibition = disarmed()
+    inhibition = disarmed(settings)
     inhibition.see(START)
     inhibition.arm(arming(goal, threshold, protected, time_limit))
     return inhibition
@@ -315,6 +316,17 @@ def test_trembling_below_the_reversal_speed_is_no_reversal() -> None:
     inhibition = armed()
     inhibition.decide(joints(PERIOD, (1.0, 0.0)))
     assert inhibition.decide(joints(2 * PERIOD, (1.0, 0.0), (-0.29, 0.0))).reason is Reason.NONE
+
+
+def test_a_decision_after_the_lease_tells_for_how_long_muscles_were_back() -> None:
+    inhibition = armed(settings=InhibitionSettings(state_timeout=0.5, lease=0.1))
+    inhibition.decide(joints(0.01, (0.0, 0.0)))
+    inhibition.decide(joints(0.10, (0.1, 0.0)))
+    assert inhibition.longest_lapse == 0.0
+    inhibition.decide(joints(0.35, (0.2, 0.0)))
+    assert inhibition.longest_lapse == pytest.approx(0.15)
+    inhibition.decide(joints(0.36, (0.2, 0.0)))
+    assert inhibition.longest_lapse == pytest.approx(0.15)
 
 
 def test_a_swing_ends_at_its_time_limit() -> None:

@@ -21,7 +21,7 @@ def frozen(values: ArrayLike) -> Vector:
 
 def made_frozen(array: Vector) -> Vector:
     """Return `array` itself, made read-only; for one that was just made and nobody else holds."""
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 

@@ -15,10 +15,11 @@ from fastswing_msgs.msg import InhibitionStatus, LengthCommand, MuscleState
 from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
 from fastswing_planner.executor_links import ExecutorLinks
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.plan import SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp_solvers import solver_from
+from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot import load_robot
@@ -48,27 +49,67 @@ def _setting(name: str, unit: str, low: float, high: float, description: str) ->
 TABLE = (
     ROBOT_DESCRIPTION,
     REQUEST_MAX_AGE,
-    Parameter("rate", 100.0, "How often orders are given.", "Hz", 10.0, 1000.0),
+    RAW_MESSAGES,
     Parameter(
-        "service_timeout", 2.0, "Longest wait for the planner and the inhibitor.", "s", 0.1, 60.0
+        "rate",
+        100.0,
+        "How often the way of the arm is judged and length commands are sent: on the way to the "
+        "start each one is a small step.",
+        "Hz",
+        10.0,
+        1000.0,
     ),
-    _setting("raise_speed", "rad/s", 0.05, 3.0, "Largest joint speed on the way to the start."),
-    _setting("elongate_speed", "m/s", 0.005, 0.3, "Speed of paying muscles out before the swing."),
+    Parameter(
+        "service_timeout",
+        2.0,
+        "Longest wait for the planner and the inhibitor; then the swing is refused or the arm "
+        "held.",
+        "s",
+        0.1,
+        60.0,
+    ),
+    _setting(
+        "raise_speed",
+        "rad/s",
+        0.05,
+        3.0,
+        "Largest joint speed on the way to the start; slower is gentler to whatever is in the way.",
+    ),
+    _setting(
+        "elongate_speed",
+        "m/s",
+        0.005,
+        0.3,
+        "Speed of paying Method 2's muscles out before the swing.",
+    ),
     _setting(
         "start_tolerance",
         "rad",
         0.005,
         0.5,
-        "The swing begins only this near to the start posture.",
+        "The swing begins only this near to the start posture, by the norm over all joints.",
     ),
-    _setting("rest_speed", "rad/s", 0.01, 1.0, "Joints slower than this rest."),
-    _setting("rest_time", "s", 0.02, 5.0, "How long the arm must rest before the swing."),
+    _setting(
+        "rest_speed",
+        "rad/s",
+        0.01,
+        1.0,
+        "Joints slower than this rest. The arm is raised, and swings, only from rest.",
+    ),
+    _setting(
+        "rest_time",
+        "s",
+        0.02,
+        5.0,
+        "How long the arm must rest before the swing; longer lets ringing of the raise die away.",
+    ),
     _setting(
         "arrival_tolerance",
         "rad",
         0.005,
         0.5,
-        "The swing has arrived this near to the end posture.",
+        "The swing has arrived this near to the end posture, by the norm over all joints; then it "
+        "only has to rest.",
     ),
     _setting(
         "raise_limit",
@@ -97,16 +138,23 @@ TABLE = (
         "s",
         0.2,
         10.0,
-        "Longest swing. The inhibitor is armed for 0.5 s more, so keep this 0.5 s below its "
-        "max_time_limit.",
+        "Longest swing; then the arm is held where it is. The inhibitor is armed for 0.5 s more, "
+        "so keep this 0.5 s below its max_time_limit.",
     ),
-    _setting("recover_time", "s", 0.1, 10.0, "How long the end is held before the swing is done."),
+    _setting(
+        "recover_time",
+        "s",
+        0.1,
+        10.0,
+        "How long the arm is held at the end before the swing is done.",
+    ),
     _setting(
         "recover_limit",
         "s",
         0.2,
         60.0,
-        "Longest wait for rest at the end posture, recover_time included.",
+        "Longest wait for rest at the end posture, recover_time included; then the swing has "
+        "failed and the arm is held.",
     ),
     _setting(
         "state_timeout",
@@ -114,7 +162,7 @@ TABLE = (
         0.02,
         2.0,
         "Older measurements, a longer stall of this node or a longer silence of the inhibitor stop "
-        "the swing.",
+        "the swing and hold the arm. Longer forgives stalls, and moves an unseen arm for as long.",
     ),
 )
 
@@ -141,6 +189,9 @@ class ExecutorNode(ManagedNode):
         self._period = 1.0 / parameters["rate"]
         self._joint_reader = JointStateReader(self._robot.model.joint_names)
         self._muscle_reader = MuscleStateReader(self._robot.model.muscle_names)
+        self._raw: bool = parameters["raw_messages"]
+        self._raw_joints = RawReader(JointState, JointStateReader.NUMBERS)
+        self._raw_muscles = RawReader(MuscleState, MuscleStateReader.NUMBERS)
         self._joints: JointMeasurement | None = None
         self._muscles: MuscleMeasurement | None = None
         self._links = ExecutorLinks(self)
@@ -166,16 +217,24 @@ class ExecutorNode(ManagedNode):
         self._links.open()
         robot, settings = self._robot, self._execution_settings
         self._rest = RestWatch(settings.rest_speed, settings.rest_time)
-        planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
+        planner = SwingPlanner(robot.model, robot.limits, solver_from())
         self._around = SwingSurroundings(
             robot, planner.hold, self._rest, settings, self._service_timeout, self._links
         )
         self._subscriptions_made = [
             self.create_subscription(
-                JointState, "joint_states", self.guarded(self._on_joints), qos_profile_sensor_data
+                JointState,
+                "joint_states",
+                self.guarded(self._on_joints),
+                qos_profile_sensor_data,
+                raw=self._raw,
             ),
             self.create_subscription(
-                MuscleState, "muscle_state", self.guarded(self._on_muscles), qos_profile_sensor_data
+                MuscleState,
+                "muscle_state",
+                self.guarded(self._on_muscles),
+                qos_profile_sensor_data,
+                raw=self._raw,
             ),
             self.create_subscription(
                 InhibitionStatus, "inhibition_status", self.guarded(self._on_inhibition), 10
@@ -199,8 +258,9 @@ class ExecutorNode(ManagedNode):
 
     # Measurements.
 
-    def _on_joints(self, message: JointState) -> None:
+    def _on_joints(self, received: JointState | bytes) -> None:
         try:
+            message = self._raw_joints.read(received) if self._raw else received
             self._joints = self._joint_reader.read(message, self.monotonic())
         except InvalidRequest as error:
             self._rejected.count(error)
@@ -209,8 +269,9 @@ class ExecutorNode(ManagedNode):
         if self._goal is not None:
             self._goal.add_joints(self._joints)
 
-    def _on_muscles(self, message: MuscleState) -> None:
+    def _on_muscles(self, received: MuscleState | bytes) -> None:
         try:
+            message = self._raw_muscles.read(received) if self._raw else received
             self._muscles = self._muscle_reader.read(message, self.monotonic())
         except InvalidRequest as error:
             self._rejected.count(error)
@@ -221,8 +282,10 @@ class ExecutorNode(ManagedNode):
     def _on_inhibition(self, message: InhibitionStatus) -> None:
         if self._goal is not None:
             reached = message.reason == InhibitionStatus.REASON_GOAL_REACHED
+            # Not its receipt: a node that stood still reads old reports in a row.
+            made = self.monotonic() - max(self.age(message.header.stamp), 0.0)
             self._goal.add_inhibition(
-                InhibitionReport(self.monotonic(), message.armed, reached, message.reason_text)
+                InhibitionReport(made, message.armed, reached, message.reason_text)
             )
 
     def _on_length_command(self, message: LengthCommand) -> None:

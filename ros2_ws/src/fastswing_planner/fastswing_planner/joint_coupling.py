@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector
+from fastswing_planner.arrays import Matrix, Vector, contiguous
 from fastswing_planner.errors import RobotDescriptionError
 
 _LEFT_OVER = 1e-6  # [m/rad, rad/rad]
@@ -47,7 +47,8 @@ class JointCoupling:
         """
         self._model = model
         self._reference = np.array(reference)
-        self._qpos_index = model.jnt_qposadr[joints]
+        self._qpos_index = contiguous(model.jnt_qposadr[joints])
+        self._others_stay = len(joints) < model.nq
         followers = _active_followers(model)
         for follower in followers:
             if follower.joint in joints:
@@ -64,7 +65,8 @@ class JointCoupling:
         joint_position  of the chosen joints [rad, m], shape (n,)
         """
         model, qpos = self._model, data.qpos
-        qpos[:] = self._reference
+        if self._others_stay:
+            qpos[:] = self._reference
         qpos[self._qpos_index] = joint_position
         if not self._followers:
             return self._chosen_rates

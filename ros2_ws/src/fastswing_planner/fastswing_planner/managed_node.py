@@ -22,22 +22,37 @@ from rclpy.task import Future
 
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.parameters import Parameter, check_all
+from fastswing_planner.real_time import (
+    REAL_TIME,
+    ask_for_real_time,
+    keep_what_there_is,
+    tighten_timers,
+)
 from fastswing_planner.robot_path import MUSASHI
 
 AUTOSTART = Parameter(
-    "autostart", True, "Configure and activate at start; false: wait for a lifecycle manager."
+    "autostart",
+    True,
+    "Configure and activate at start, so that a bridge holds the arm at once; false: wait for a "
+    "lifecycle manager.",
 )
 ROBOT_DESCRIPTION = Parameter(
     "robot_description",
     MUSASHI,
-    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH.",
+    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH. The same for all "
+    "nodes of an arm, or plans and limits are another arm's.",
 )
 RAW_MESSAGES = Parameter(
     "raw_messages",
     True,
-    "Read and write messages at rate in their serialised form; false: the ordinary, slower way.",
+    "Read and write messages at rate in their serialised form, so that states and overrides come "
+    "sooner; false: the ordinary, slower way, with the same content.",
 )
+EVERY_NODE = (AUTOSTART, *REAL_TIME)
+"""Parameters that every node has."""
 
+# Nodes draw nothing, and MuJoCo's window library costs a quarter of their start.
+os.environ.setdefault("MUJOCO_GL", "disable")
 # Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others
 # take its port for the dead one's and remove it, and no emergency stop arrives any more.
 _TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
@@ -61,7 +76,8 @@ class ManagedNode(LifecycleNode):
         self.is_active = False
         self.asked_to_end: Callable[[], bool] = lambda: False
         self._configured = False
-        self._table = (AUTOSTART, *table)
+        self._table = (*EVERY_NODE, *table)
+        self._not_granted: list[str] = []
         self._callback_errors = 0
         for row in self._table:
             self.declare_parameter(
@@ -142,7 +158,7 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: State) -> TransitionCallbackReturn:
         """Lifecycle transition; see `configure`."""
-        result = self._transition("configure", lambda: self.configure(self.parameter_values()))
+        result = self._transition("configure", self._configure)
         self._configured = result is TransitionCallbackReturn.SUCCESS
         return result
 
@@ -150,6 +166,7 @@ class ManagedNode(LifecycleNode):
         """Lifecycle transition; see `activate`."""
         result = self._transition("activate", self.activate)
         self.is_active = result is TransitionCallbackReturn.SUCCESS
+        keep_what_there_is()
         return result
 
     def on_deactivate(self, state: State) -> TransitionCallbackReturn:
@@ -186,6 +203,14 @@ class ManagedNode(LifecycleNode):
         except RCLError as error:
             self.get_logger().warning(f"transition {transition_id} refused: {error}")
             return TransitionCallbackReturn.FAILURE
+
+    def _configure(self) -> None:
+        values = self.parameter_values()
+        # First, so that the threads and processes that `configure` starts inherit it.
+        self._not_granted = ask_for_real_time(values["realtime_priority"], values["cpu_affinity"])
+        for text in self._not_granted:
+            self.get_logger().warning(text)
+        self.configure(values)
 
     def _transition(self, verb: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         try:
@@ -243,7 +268,9 @@ class ManagedNode(LifecycleNode):
         EventsExecutor of rclpy 7.1 ends the process when a callback asks for the time of receipt.
         """
         made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        return float(self.get_clock().now().nanoseconds - made_ns) * 1e-9
+        # Clock.now() would put the number into an object that takes longer to make than to ask for.
+        now_ns: int = self.get_clock().handle.get_now().nanoseconds
+        return (now_ns - made_ns) * 1e-9
 
     # Diagnostics.
 
@@ -252,6 +279,8 @@ class ManagedNode(LifecycleNode):
         level, summary, values = self.diagnose()
         if self._callback_errors:
             level, summary = DiagnosticStatus.ERROR, "defect in a callback, see the log"
+        elif self._not_granted and level == DiagnosticStatus.OK:
+            level, summary = DiagnosticStatus.WARN, "; ".join(self._not_granted)
         values = {"active": self.is_active, "callback_errors": self._callback_errors, **values}
         status = DiagnosticStatus(
             level=level,
@@ -288,6 +317,7 @@ def run(node_class: Callable[[], ManagedNode]) -> int:
     signal.signal(signal.SIGINT, on_signal)
     signal.signal(signal.SIGTERM, on_signal)
     os.environ.setdefault(*_TRANSPORT)
+    tighten_timers()  # before the middleware's threads, which inherit it
     try:
         # The context must outlive the signal, so that a node can publish its last word.
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)

@@ -106,6 +106,7 @@ class MujocoMuscleModel:
         # A swing asks for lengths and Jacobian of each of its postures.
         wanted = np.asarray(joint_position, dtype=float).tobytes()
         if wanted != self._computed:
+            self._computed = b""  # whatever raises here leaves nothing computed
             self._rates = self._coupling.set_positions(self._data, joint_position)
             mujoco.mj_kinematics(self._model, self._data)
             mujoco.mj_comPos(self._model, self._data)

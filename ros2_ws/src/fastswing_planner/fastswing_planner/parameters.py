@@ -1,6 +1,7 @@
 """One table for each node's parameters: it declares, validates and documents them."""
 
 import math
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,11 +17,12 @@ class InvalidParameter(InvalidRequest):
 class Parameter:
     """One row of a node's parameter table.
 
-    default      also fixes the type: bool, int, float, str or list of str
-    low, high    range of a number, both ends included
+    default      also fixes the type: bool, int, float, str or list
+    low, high    range of a number, or of each number of a list, both ends included
     choices      allowed texts
     unit         empty for texts, counts and switches
     read_only    True: takes effect only when the node is configured
+    item         type of a list's elements: str or int
     """
 
     name: str
@@ -31,6 +33,7 @@ class Parameter:
     high: float = math.inf
     choices: Sequence[str] = ()
     read_only: bool = True
+    item: type = str
 
     @property
     def range_text(self) -> str:
@@ -44,19 +47,31 @@ class Parameter:
     def check(self, value: Any) -> Any:
         """Return `value`, or raise InvalidParameter naming the parameter and its valid values."""
         expected = type(self.default)
+        if expected is list:
+            return self._checked_list(value)
         if expected is float and isinstance(value, int) and not isinstance(value, bool):
             value = float(value)
         if not isinstance(value, expected) or (isinstance(value, bool) and expected is not bool):
-            wanted = "a list of texts" if expected is list else expected.__name__
-            raise InvalidParameter(f"{self.name} is {value!r}, expected {wanted}")
+            raise InvalidParameter(f"{self.name} is {value!r}, expected {expected.__name__}")
         # Also false for NaN.
         if expected in (int, float) and not self.low <= value <= self.high:
             valid = self.range_text or "a number"
             raise InvalidParameter(f"{self.name} is {value}, expected {valid}")
-        if expected is list and not all(isinstance(item, str) for item in value):
-            raise InvalidParameter(f"{self.name} is {value!r}, expected a list of texts")
         if self.choices and value not in self.choices:
             raise InvalidParameter(f"{self.name} is '{value}', choose from: {self.range_text}")
+        return value
+
+    def _checked_list(self, value: Any) -> list[Any]:
+        if value is None:  # what rclpy makes of an empty list in a file
+            value = []
+        if isinstance(value, array):  # and of a list of numbers
+            value = value.tolist()
+        if not isinstance(value, list) or not all(type(item) is self.item for item in value):
+            wanted = "texts" if self.item is str else "whole numbers"
+            raise InvalidParameter(f"{self.name} is {value!r}, expected a list of {wanted}")
+        for item in value if self.item is int else ():
+            if not self.low <= item <= self.high:
+                raise InvalidParameter(f"{self.name} has {item}, expected {self.range_text}")
         return value
 
 

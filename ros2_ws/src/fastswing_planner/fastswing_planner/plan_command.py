@@ -22,7 +22,7 @@ from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
 from fastswing_planner.printing import say
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp_solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.request import (
     Method,
     MuscleConstants,
@@ -160,7 +160,7 @@ def _parser() -> argparse.ArgumentParser:
     searches = [search.name.lower() for search in Search]
     add("--search", choices=searches, default="greedy", help="default: greedy, the paper's")
     add("--time-limit", type=float, default=float("inf"), metavar="SEC", help="of the search")
-    add("--solver", choices=list(SOLVERS), default=next(iter(SOLVERS)))
+    add("--solver", choices=list(SOLVERS), default=DEFAULT_SOLVER)
     add("--threshold", type=float, default=0.0, help="C [s/rad] of Method 1; default: 0")
     add("--keep", nargs="+", default=[], metavar="MUSCLE", help="muscles that are never masked")
     for option, what in (

@@ -17,7 +17,7 @@ from fastswing_planner.plan_conversion import (
     plan_to_message,
     request_from_message,
 )
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp_solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.swing import SETTING_RANGES, SwingSettings
@@ -34,13 +34,22 @@ TABLE = (
     ROBOT_DESCRIPTION,
     Parameter(
         "solver",
-        next(iter(SOLVERS)),
-        "What solves the quadratic programs; daqp is the faster one.",
+        DEFAULT_SOLVER,
+        "What solves the quadratic programs; daqp is the faster one, the plans are the same.",
         choices=tuple(SOLVERS),
     ),
-    _setting("time_step", "Step of the simulated swing, unless a request gives its own."),
-    _setting("epsilon", "A swing ends this near to its end, unless a request gives its own."),
-    _setting("max_steps", "A longer simulated swing is an error, unless a request says so."),
+    _setting(
+        "time_step",
+        "Step of the simulated swing, unless a request gives its own. Shorter predicts peaks "
+        "finer.",
+    ),
+    _setting(
+        "epsilon", "A predicted swing ends this near to its end, unless a request gives its own."
+    ),
+    _setting(
+        "max_steps",
+        "Steps after which a swing that has not ended is refused, unless a request gives its own.",
+    ),
     Parameter(
         "search_time_limit",
         1.0,

@@ -51,6 +51,10 @@ class QpUnsolved(SolverFailed):
         self.undecided = undecided
 
 
+class SolverMissing(SolverFailed, ImportError):
+    """A solver that is not installed."""
+
+
 class QpSolver(Protocol):
     """Solves one quadratic program at a time."""
 

@@ -1,14 +1,23 @@
 """The solvers behind the quadratic programs, chosen by name."""
 
 from collections.abc import Callable, Mapping
+from types import ModuleType
 
-import daqp
 import numpy as np
-import proxsuite
 
 from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import InvalidLimit
-from fastswing_planner.qp import QpSolver, QpUnsolved, QuadraticProgram
+from fastswing_planner.qp import QpSolver, QpUnsolved, QuadraticProgram, SolverMissing
+
+# Either may be missing: ROS's own proxsuite is C++ alone (0.6.5), and rosdep knows no daqp.
+try:
+    import proxsuite
+except ImportError:
+    proxsuite = None
+try:
+    import daqp
+except ImportError:
+    daqp = None
 
 
 class ProxSuiteSolver:
@@ -22,9 +31,11 @@ class ProxSuiteSolver:
     max_inner_iterations = 1_500
 
     def __init__(self) -> None:
+        """Begin without a problem; raises SolverMissing."""
+        _require("proxsuite", proxsuite)
         self._workspaces: dict[tuple[int, int, int], proxsuite.proxqp.dense.QP] = {}
 
-    def _workspace(self, problem: QuadraticProgram) -> proxsuite.proxqp.dense.QP:
+    def _workspace(self, problem: QuadraticProgram) -> "proxsuite.proxqp.dense.QP":
         size = (problem.c.size, problem.b.size, problem.lower.size)
         if size not in self._workspaces:
             workspace = proxsuite.proxqp.dense.QP(*size)
@@ -93,6 +104,10 @@ class DaqpSolver:
 
     max_iterations = 10_000
 
+    def __init__(self) -> None:
+        """Begin without a problem; raises SolverMissing."""
+        _require("daqp", daqp)
+
     def solve(self, problem: QuadraticProgram) -> Vector:
         """Return the minimiser, shape (n,). Raises QpUnsolved."""
         rows, lower, upper = problem.C, problem.lower, problem.upper
@@ -122,14 +137,26 @@ SOLVERS: Mapping[str, Callable[[], QpSolver]] = {
     "proxsuite": ProxSuiteSolver,
     "daqp": DaqpSolver,
 }
-"""The solvers by name; the first is the default."""
+"""The solvers by name."""
+
+DEFAULT_SOLVER = "daqp" if proxsuite is None and daqp is not None else "proxsuite"
+"""ProxSuite, and DAQP where only that is installed; both give the same plans."""
 
 
-def solver_from(name: str) -> QpSolver:
-    """Return a new solver; raises InvalidLimit listing the choices."""
+def solver_from(name: str = DEFAULT_SOLVER) -> QpSolver:
+    """Return a new solver; raises InvalidLimit listing the choices, SolverMissing."""
     if name not in SOLVERS:
         raise InvalidLimit(f"unknown solver '{name}', choose from: {', '.join(SOLVERS)}")
     return SOLVERS[name]()
+
+
+def _require(name: str, module: ModuleType | None) -> None:
+    if module is None:
+        (other,) = SOLVERS.keys() - {name}
+        raise SolverMissing(
+            f"the solver {name} cannot be imported in Python: install it with `make build` or "
+            f"`pip install {name}`, or choose solver {other}"
+        )
 
 
 def _finite(x: Vector, problem: QuadraticProgram) -> Vector:

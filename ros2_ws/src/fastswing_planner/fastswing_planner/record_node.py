@@ -61,9 +61,20 @@ TABLE = (
         [*(name for name in TYPES if name != "diagnostics"), "/diagnostics"],
         "What is recorded: names of the suite's topics, in any namespace, or 'NAME TYPE'.",
     ),
-    Parameter("compression", "zstd", "Of each chunk.", choices=tuple(COMPRESSIONS)),
     Parameter(
-        "chunk_size", 256 * 1024, "A chunk is written when it is larger.", "bytes", 1024, 2**26
+        "compression",
+        "zstd",
+        "Of each chunk. zstd halves the file, none costs the least time.",
+        choices=tuple(COMPRESSIONS),
+    ),
+    Parameter(
+        "chunk_size",
+        256 * 1024,
+        "A chunk is written when it is larger. What is not written is lost when the recorder is "
+        "killed.",
+        "bytes",
+        1024,
+        2**26,
     ),
     Parameter(
         "split_size",

@@ -6,8 +6,8 @@ from fastswing_planner.parameters import Parameter
 REQUEST_MAX_AGE = Parameter(
     "request_max_age",
     1.0,
-    "Older requests are refused: a network that was out delivers them late. The clocks of both "
-    "computers must agree within it.",
+    "Older requests are refused, so that an arm does not move long after it was asked to: a "
+    "network that was out delivers them late. The clocks of both computers must agree within it.",
     "s",
     0.05,
     60.0,

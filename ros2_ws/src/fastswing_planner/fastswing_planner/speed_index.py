@@ -15,11 +15,11 @@ def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
 
     Raises StartEqualsEnd for a zero direction, which has no moment arm.
     """
-    norm = math.sqrt(direction @ direction)
+    norm = math.sqrt(direction.dot(direction))  # of short vectors half the time of @
     if not norm > 0.0:
         raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
     # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
-    return made_frozen(muscle_jacobian @ (direction / norm))
+    return made_frozen(muscle_jacobian.dot(direction / norm))
 
 
 def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:

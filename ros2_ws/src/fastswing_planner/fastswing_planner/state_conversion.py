@@ -46,7 +46,7 @@ class NamedColumns:
             raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
         picked = np.asarray(values, dtype=float)[self._index]
         # The product is quick, and finite unless numbers are huge, which then are looked at again.
-        if not math.isfinite(picked @ picked) and not np.isfinite(picked).all():
+        if not math.isfinite(picked.dot(picked)) and not np.isfinite(picked).all():
             bad = int(np.flatnonzero(~np.isfinite(picked))[0])
             raise NotFinite(f"{what} of {self._names[bad]} is {picked[bad]}")
         return made_frozen(picked)

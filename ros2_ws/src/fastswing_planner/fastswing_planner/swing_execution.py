@@ -147,7 +147,7 @@ class MuscleMeasurement(NamedTuple):
 class InhibitionReport(NamedTuple):
     """What the inhibitor tells of itself.
 
-    time     [s]
+    time     [s] at which it was made
     armed    whether it goes on deciding
     reached  whether it ended because the goal was reached or passed
     reason   why it is not armed
@@ -283,7 +283,7 @@ class SwingExecution:
     def add_inhibition(self, report: InhibitionReport) -> None:
         """Take a report of the inhibitor; if it ended before the goal, the swing has to stop."""
         if report.armed:
-            self._inhibition_heard = report.time
+            self._inhibition_heard = max(self._inhibition_heard, report.time)
         elif report.reached:
             self._inhibition_over = self._armed
         elif self._armed and not self._arrived and self._phase is not Phase.RECOVER:

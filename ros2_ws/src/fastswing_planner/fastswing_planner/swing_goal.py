@@ -303,15 +303,16 @@ class SwingGoal:
         Or it is not in time.
         """
         calls = [*self._disarming, *filter(None, (self._holding, self._arming))]
+        confirmed = all(call.done() for call in calls)
         if now > self._stop_deadline or self._execution is None:
-            return now > self._stop_deadline or all(call.done() for call in calls)
-        if self._confirmed is None and all(call.done() for call in calls):
-            self._confirmed = now
-        if self._confirmed is None:
+            return now > self._stop_deadline or confirmed
+        if not confirmed:
+            self._confirmed = None  # an arming that came late is taken back by one more call
             return False
+        self._confirmed = now if self._confirmed is None else self._confirmed
         # The inhibitor's last override may still be on its way to the bridge when both answer.
         muscles = self._muscles
-        seen = muscles is not None and muscles.time > self._confirmed and not muscles.limp
+        seen = muscles is not None and muscles.time > self._confirmed and not _not_held(muscles)
         return seen or now > self._confirmed + _RELEASE_SEC
 
     def finish(self) -> None:
@@ -345,7 +346,15 @@ class SwingGoal:
             return "; the bridge did not confirm that it holds the arm"
         if not all(call.done() for call in self._disarming):
             return "; the inhibitor did not confirm that it is disarmed"
+        loose = () if self._muscles is None else _not_held(self._muscles)
+        if loose and self.error is not None and self.error.code_name != "FAULT_LATCHED":
+            return f"; muscles that do not hold a length: {', '.join(loose)}"
         return ""
+
+
+def _not_held(muscles: MuscleMeasurement) -> tuple[str, ...]:
+    """Return the muscles that somebody let go or drives, without those that have a fault."""
+    return tuple(name for name in muscles.limp + muscles.driven if name not in muscles.faulty)
 
 
 def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:

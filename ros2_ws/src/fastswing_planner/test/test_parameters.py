@@ -1,6 +1,7 @@
 """A parameter's row accepts what it says, and its text says what would be right."""
 
 import math
+from array import array
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ COUNT = Parameter("count", 3, "Number of tries.", low=1, high=10)
 METHOD = Parameter("method", "basic", "How to swing.", choices=("basic", "elongate"))
 SWITCH = Parameter("read_only", False, "Whether to send nothing.")
 NAMES = Parameter("muscles", ["#1"], "Which muscles.")
+CORES = Parameter("cores", [], "Which cores.", low=0, high=7, item=int)
 FREE = Parameter("offset", 0.0, "Any number.", unit="m")
 
 
@@ -32,6 +34,11 @@ def test_any_other_number_is_refused(value: float) -> None:
 @pytest.mark.parametrize("end", [1, 10])
 def test_both_ends_of_a_range_belong_to_it(end: int) -> None:
     assert COUNT.check(end) == end
+
+
+@pytest.mark.parametrize("value", [[], [0, 7], array("q", [3]), None])
+def test_a_list_of_numbers_is_a_list_however_it_comes(value: Any) -> None:
+    assert CORES.check(value) == list(value or [])
 
 
 def test_a_whole_number_becomes_a_float_where_one_is_expected() -> None:
@@ -55,6 +62,10 @@ def test_a_number_without_range_must_still_be_a_number() -> None:
         (METHOD, None, "method is None, expected str"),
         (METHOD, "fast", "method is 'fast', choose from: basic, elongate"),
         (NAMES, "#1", "muscles is '#1', expected a list of texts"),
+        (NAMES, [1], "muscles is [1], expected a list of texts"),
+        (CORES, ["1"], "cores is ['1'], expected a list of whole numbers"),
+        (CORES, [True], "cores is [True], expected a list of whole numbers"),
+        (CORES, [0, 8], "cores has 8, expected 0 to 7"),
     ],
 )
 def test_a_wrong_value_is_shown_with_what_would_be_right(

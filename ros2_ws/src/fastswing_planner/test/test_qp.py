@@ -1,5 +1,7 @@
 """Each solver's answers are the minimisers, and what it cannot solve can be kept."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +15,13 @@ from fastswing_planner import qp_solvers
 from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import InvalidLimit
 from fastswing_planner.qp import QpUnsolved, QuadraticProgram
-from fastswing_planner.qp_solvers import SOLVERS, DaqpSolver, ProxSuiteSolver, solver_from
+from fastswing_planner.qp_solvers import (
+    DEFAULT_SOLVER,
+    SOLVERS,
+    DaqpSolver,
+    ProxSuiteSolver,
+    solver_from,
+)
 
 TINY_BOUND = Path(__file__).parent / "data" / "tiny_bound_swing_step.npz"
 SEED = st.integers(0, 2**32 - 1)
@@ -205,8 +213,52 @@ def test_an_answer_that_is_not_finite_is_none(monkeypatch: pytest.MonkeyPatch) -
     assert not caught.value.undecided
 
 
-def test_the_first_solver_is_the_default() -> None:
-    assert list(SOLVERS) == ["proxsuite", "daqp"]
+def test_proxsuite_is_the_default() -> None:
+    assert DEFAULT_SOLVER == "proxsuite"
+    assert isinstance(solver_from(), ProxSuiteSolver)
+
+
+def run_without(missing: str, program: str) -> str:
+    """Return what a program prints in which some modules cannot be imported."""
+    blocked = f"import sys; sys.modules.update(dict.fromkeys({missing.split()}))"
+    command = [sys.executable, "-c", f"{blocked}\n{program}"]
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=60).stdout
+
+
+PRINT_ANSWER = """
+import numpy as np
+from fastswing_planner.qp import QuadraticProgram
+from fastswing_planner.qp_solvers import DEFAULT_SOLVER, solver_from
+none = np.zeros((0, 1)), np.zeros(0)
+box = QuadraticProgram(np.eye(1), -3 * np.ones(1), *none, np.eye(1), -np.ones(1), np.ones(1))
+print(DEFAULT_SOLVER, *solver_from().solve(box))
+"""
+PRINT_ERROR = """
+from fastswing_planner.qp_solvers import solver_from
+try:
+    solver_from("NAME")
+except ImportError as error:
+    print(type(error).__name__, error, sep=": ")
+"""
+
+
+def test_daqp_is_the_default_where_proxsuite_has_no_python_bindings() -> None:
+    assert run_without("proxsuite", PRINT_ANSWER).split() == ["daqp", "1.0"]
+
+
+@pytest.mark.parametrize(("missing", "other"), [("proxsuite", "daqp"), ("daqp", "proxsuite")])
+def test_a_missing_solver_says_what_to_install_and_what_else_there_is(
+    missing: str, other: str
+) -> None:
+    assert run_without(missing, PRINT_ERROR.replace("NAME", missing)) == (
+        f"SolverMissing: the solver {missing} cannot be imported in Python: install it with "
+        f"`make build` or `pip install {missing}`, or choose solver {other}\n"
+    )
+
+
+def test_without_any_solver_the_default_is_what_is_missing() -> None:
+    printed = run_without("proxsuite daqp", PRINT_ERROR.replace('"NAME"', ""))
+    assert printed.startswith("SolverMissing: the solver proxsuite cannot be imported")
 
 
 def test_an_unknown_solver_lists_the_choices() -> None:

@@ -21,6 +21,7 @@ from musashi_muscle_bridge.protocol import (
 
 _CLEAR_FRAMES = 3
 _CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
+_BLIND_FRAMES = 5  # sent since the one that the newest answer belongs to
 _LOST_TIMEOUTS = 3  # of the watchdog: a hiccup of the answers alone is no lost bus
 _NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
 _NO_ROWS = np.zeros(0, dtype=COMMAND_ROW)
@@ -85,6 +86,10 @@ class GroupControl:
         self.lost = False
 
     # Answers.
+
+    def blind(self, state: StateFrame) -> bool:
+        """Return whether the newest answer is too old to pull by."""
+        return (self._sequence - state.sequence) % 2**32 > _BLIND_FRAMES
 
     def check(self, state: StateFrame) -> None:
         """Raise FrameError unless `state` is one of this group."""

@@ -71,7 +71,15 @@ TABLE = (
         "Publish states and command nothing: no commands are taken, no board is energised, "
         "cleared or kept alive.",
     ),
-    Parameter("control_rate", 500.0, "Frames to the boards.", "Hz", 10.0, 2000.0),
+    Parameter(
+        "control_rate",
+        500.0,
+        "Frames to the boards: how often muscles are commanded and measured. A frame that does not "
+        "fit into its period is late.",
+        "Hz",
+        10.0,
+        2000.0,
+    ),
     Parameter(
         "watchdog_action",
         "zero_current",
@@ -79,12 +87,20 @@ TABLE = (
         "hold_length: a raised arm stays up, and so does the force on whatever it presses.",
         choices=("zero_current", "hold_length"),
     ),
-    Parameter("watchdog_timeout", 0.1, "Time without frames until they do.", "s", 0.01, 10.0),
+    Parameter(
+        "watchdog_timeout",
+        0.1,
+        "Time without frames until the boards do so. Shorter than the machine's stalls, the arm "
+        "falls without need; longer, an arm nobody controls goes on for as long.",
+        "s",
+        0.01,
+        10.0,
+    ),
     Parameter(
         "supervision_timeout",
         0.5,
-        "Time without a sign of this node until its control process stops sending frames: an "
-        "emergency stop would not get through.",
+        "Time without a sign of this node until its control process stops sending frames, as an "
+        "emergency stop would not get through; then the boards' watchdog acts.",
         "s",
         0.05,
         10.0,
@@ -97,12 +113,28 @@ TABLE = (
         0.005,
         10.0,
     ),
-    Parameter("command_max_age", 0.5, "Older commands are rejected.", "s", 0.01, 10.0),
-    Parameter("max_lease", 0.2, "Longest lease of a current override.", "s", 0.005, 1.0),
+    Parameter(
+        "command_max_age",
+        0.5,
+        "Commands older than this are rejected: the arm does not obey what a network delivers "
+        "late. Tensions and currents must also be younger than command_timeout.",
+        "s",
+        0.01,
+        10.0,
+    ),
+    Parameter(
+        "max_lease",
+        0.2,
+        "Longest lease of a current override: no muscle is let go for longer without a newer one.",
+        "s",
+        0.005,
+        1.0,
+    ),
     Parameter(
         "payout_allowance",
         0.2,
-        "Length commands may exceed the longest path by this.",
+        "How far beyond the longest path a wire may be commanded, for Method 2. More lets more "
+        "slack onto the spool, where it can tangle.",
         "m",
         0.0,
         1.0,

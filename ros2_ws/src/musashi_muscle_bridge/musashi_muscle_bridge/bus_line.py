@@ -8,12 +8,16 @@ from musashi_muscle_bridge.errors import BusError, BusTimeout, FrameError
 from musashi_muscle_bridge.protocol import CommandFrame, StateFrame, is_newer
 
 _MAX_FRAMES_PER_PERIOD = 64  # whatever floods the bus, the next command goes out
+_REMEMBERED = 256  # commands whose answers are told in time; later ones are none
 
 
 class BusLine:
     """Exchanges frames with one group of boards; only the control thread calls it.
 
     state            the newest answer so far
+    measured         monotonic time [s] by which its measurements were made, at the earliest if it
+                     came late: the boards answer at once, what takes its time is the bus
+    late             answers that were not to the frame sent last
     misses_in_a_row  periods without an answer since the last one
     """
 
@@ -21,10 +25,12 @@ class BusLine:
         self._bus = bus
         self._group = group
         self._sequence = 0
-        self._sent = 0.0
+        self._sent: dict[int, float] = {}  # when each frame was sent [s], the oldest first
         self._problem: BusError | None = None
         self._dropped = {"damaged": 0, "foreign": 0}
         self.state: StateFrame | None = None
+        self.measured = 0.0
+        self.late = 0
         self.replies = 0
         self.misses = 0
         self.misses_in_a_row = 0
@@ -46,7 +52,10 @@ class BusLine:
 
     def send(self, command: CommandFrame) -> None:
         """Send this period's command."""
-        self._sequence, self._sent, self._problem = command.sequence, time.monotonic(), None
+        self._sequence, self._problem = command.sequence, None
+        if len(self._sent) >= _REMEMBERED:
+            del self._sent[next(iter(self._sent))]
+        self._sent[command.sequence] = time.monotonic()
         try:
             self._bus.send(command.encode())
         except BusError as error:
@@ -57,7 +66,7 @@ class BusLine:
         try:
             if self._problem is not None:
                 raise self._problem
-            self.state = self._await(deadline)
+            self.state = state = self._await(deadline)
         except (BusError, FrameError) as error:
             self.misses += 1
             self.misses_in_a_row += 1
@@ -65,7 +74,11 @@ class BusLine:
             return False
         self.replies += 1
         self.misses_in_a_row = 0
-        self.round_trip = time.monotonic() - self._sent
+        now, sent = time.monotonic(), self._sent[state.sequence]
+        late = state.sequence != self._sequence
+        self.late += late
+        self.measured = sent if late else now
+        self.round_trip = now - sent
         self.worst_round_trip = max(self.worst_round_trip, self.round_trip)
         return True
 
@@ -84,7 +97,7 @@ class BusLine:
             except BusTimeout as error:
                 problem = problem or error
                 break
-            if is_newer(state.sequence, oldest):
+            if is_newer(state.sequence, oldest) and state.sequence in self._sent:
                 newest, oldest = state, state.sequence
             if newest is not None and newest.sequence == self._sequence:
                 break

@@ -189,7 +189,13 @@ class ControlPeriod:
             for field in ("length", "tension", "velocity")
         )
         setpoints = self.arbiter.update(now, length, tension, faulty)
-        setpoints = limited_pull(setpoints, tension, velocity, self._limits)
+        blind = self._whole(
+            [
+                np.full(group.muscles.size, group.blind(state))
+                for group, state in zip(self.groups, known, strict=True)
+            ]
+        )
+        setpoints = limited_pull(setpoints, tension, velocity, blind, self._limits)
         return [group.command(setpoints) for group in self.groups]
 
     def merged(self, states: Sequence[StateFrame]) -> StateFrame:

@@ -32,7 +32,7 @@ class Measurement(NamedTuple):
     state         of the whole robot; a group that did not answer shows its last measurement
     lost          muscles whose group fell silent, shape (m,)
     joints_fresh  whether every group that measures joints answered in this period
-    received      monotonic time [s]
+    received      monotonic time [s]; of a late answer, when its command was sent
     """
 
     state: StateFrame
@@ -165,7 +165,7 @@ class ControlLoop:
                 self._control.merged(states),
                 self._control.lost,
                 all(number in fresh for number, group in groups if group.joints.size),
-                time.monotonic(),
+                min(lines[number].measured for number in fresh),
             )
             self._untaken += not self._channel.put(measured)
 
@@ -216,6 +216,7 @@ def _counts(lines: Sequence[BusLine]) -> dict[str, object]:
     return {
         "replies": replies,
         "misses": misses,
+        "late_answers": sum(line.late for line in lines),
         "misses_in_a_row": max(line.misses_in_a_row for line in lines),
         "success_rate": round(replies / total, 4) if total else 0.0,
         **dropped,

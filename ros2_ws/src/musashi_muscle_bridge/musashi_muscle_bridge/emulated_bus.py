@@ -26,8 +26,8 @@ class EmulatedBus:
     """Lets frames of one port reach one group of boards, and their answers return.
 
     port        None while the bus is closed
-    on_command  called with the time [s] and each command that the boards took, after the answers
-                left: what it does delays none; None: nobody
+    on_command  called with the time [s] and each command that the boards took, before they take
+                the next, and after the answers left if it can: it then delays none; None: nobody
     on_answer   called before each answer leaves; None: nobody
     """
 
@@ -57,12 +57,14 @@ class EmulatedBus:
 
     def exchange(self, now: float) -> None:
         """Let the boards carry out what arrived by `now` [s], and send what is due."""
-        taken = []
+        taken: CommandFrame | None = None
         for frame, received in self.commands.take(now):
+            self._tell(now, taken)
+            taken = None
             answer = self.link.answer(frame, received.sender)
             command = self.link.command
             if answer is not None and command is not None:
-                taken.append(command)
+                taken = command
                 served = Served(command.sequence, received.arrived, now)
                 self.answers.put(answer, (received.sender, served), now)
         for answer, (sender, served) in self.answers.take(now):
@@ -70,9 +72,11 @@ class EmulatedBus:
                 if self.on_answer is not None:
                     self.on_answer(served)
                 self.port.send(answer, sender)
-        if self.on_command is not None:
-            for command in taken:
-                self.on_command(now, command)
+        self._tell(now, taken)
+
+    def _tell(self, now: float, taken: CommandFrame | None) -> None:
+        if taken is not None and self.on_command is not None:
+            self.on_command(now, taken)
 
     @property
     def lost(self) -> int:

@@ -48,15 +48,36 @@ def _arm_fault(name: str, description: str) -> Parameter:
 TABLE = (
     ROBOT_DESCRIPTION,
     BUS_URL,
-    _line_fault("latency", "Delay of each answer.", "s"),
-    _line_fault("jitter", "At most this much more delay; frames do not overtake.", "s"),
-    _line_fault("loss", "Share of frames that are lost, on the way there and on the way back."),
-    _line_fault("corruption", "Share of frames with a flipped bit, there and back."),
-    _arm_fault("stuck_encoder", "the encoder shows what it showed last."),
-    _arm_fault("dead_board", "the board has no power; afterwards it has started again."),
-    _arm_fault("hot_motor", "the motor is beyond its temperature limit."),
-    _arm_fault("broken_wire", "the wire pulls nothing."),
-    Parameter("seed", 0, "Seed of jitter, loss and corruption.", "", 0, 2**31 - 1),
+    _line_fault("latency", "Delay of each answer: the bridge decides on older measurements.", "s"),
+    _line_fault("jitter", "At most this much more delay, at random; frames do not overtake.", "s"),
+    _line_fault(
+        "loss",
+        "Share of frames that are lost, there and back; boards that miss all feel their watchdog.",
+    ),
+    _line_fault(
+        "corruption",
+        "Share of frames with a flipped bit, there and back; boards and bridge drop them.",
+    ),
+    _arm_fault(
+        "stuck_encoder",
+        "the encoder shows what it showed last; when the motor turns, the board latches ENCODER.",
+    ),
+    _arm_fault(
+        "dead_board",
+        "the board has no power and its muscle no force; afterwards it has started again.",
+    ),
+    _arm_fault(
+        "hot_motor", "the motor is too hot; the board latches OVER_TEMPERATURE and stops pulling."
+    ),
+    _arm_fault("broken_wire", "the wire pulls nothing, and the board does not notice."),
+    Parameter(
+        "seed",
+        0,
+        "Seed of jitter, loss and corruption: the same seed breaks the same frames.",
+        "",
+        0,
+        2**31 - 1,
+    ),
     Parameter(
         "board_log",
         "",

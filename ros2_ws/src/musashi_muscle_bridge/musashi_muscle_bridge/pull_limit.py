@@ -6,7 +6,7 @@ boards' own limit pays out only when the tension is too high already.
 
 import numpy as np
 
-from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.arrays import BoolVector, Vector, frozen
 from musashi_muscle_bridge.arbiter import CommandLimits, Setpoints
 from musashi_muscle_bridge.protocol import Mode
 
@@ -14,13 +14,18 @@ _CURRENT = int(Mode.CURRENT)
 
 
 def limited_pull(
-    setpoints: Setpoints, tension: Vector, velocity: Vector, limits: CommandLimits
+    setpoints: Setpoints,
+    tension: Vector,
+    velocity: Vector,
+    blind: BoolVector,
+    limits: CommandLimits,
 ) -> Setpoints:
     """Return `setpoints` with their currents reduced by what was measured.
 
     tension   [N] shape (m,); full current up to `tension_max`, none from `tension_limit` on
     velocity  [m/s] shape (m,), winding in is negative; full current up to half the speed limit,
               none from the limit on
+    blind     muscles that were not measured lately, shape (m,); no current
     """
     pulling = setpoints.mode == _CURRENT
     if not np.count_nonzero(pulling):
@@ -30,6 +35,7 @@ def limited_pull(
     below_tension = (limits.tension_limit - tension) / reach
     below_speed = 2.0 * (1.0 + velocity / limits.velocity)
     share = np.clip(np.minimum(below_tension, below_speed), 0.0, 1.0)
-    # A measurement that is not finite latches a fault; nothing pulls by it until then.
-    reduced = setpoints.value * np.nan_to_num(share, nan=0.0)
+    # What is not a number is no measurement either.
+    share[blind | ~np.isfinite(share)] = 0.0
+    reduced = setpoints.value * share
     return Setpoints(setpoints.mode, frozen(np.where(pulling, reduced, setpoints.value)))

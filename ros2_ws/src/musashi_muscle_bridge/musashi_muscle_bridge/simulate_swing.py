@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp_solvers import solver_from
 from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
@@ -23,7 +23,7 @@ def simulated_swing(robot: Robot, method: Method, rate: float) -> tuple[str, lis
 
     Returns its figures as text, and everything that was measured.
     """
-    planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
+    planner = SwingPlanner(robot.model, robot.limits, solver_from())
     plan = planner.plan(SwingRequest(robot.postures["start"], robot.postures["end"], method))
     loop = ClosedLoop(robot, planner, rate)
     figures = loop.run(plan, ExecutionSettings())

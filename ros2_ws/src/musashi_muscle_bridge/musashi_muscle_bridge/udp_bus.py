@@ -15,6 +15,7 @@ from musashi_muscle_bridge.errors import BusError, BusTimeout
 _Address = tuple[str, int]
 _SO_TIMESTAMPNS = 35
 """Linux's option and control message; Python's socket module does not name it."""
+_LONGEST_AGE_NS = 1_000_000_000
 _TIMESPEC = struct.Struct("qq")
 _NOTES_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
 
@@ -136,13 +137,14 @@ class UdpBoardPort:
 
 
 def _arrival(notes: list[tuple[int, int, bytes]]) -> float:
-    """Return when the kernel took a frame in, on the monotonic clock [s]; NaN if it did not say.
+    """Return when the kernel took a frame in, on the monotonic clock [s]; NaN if it is not known.
 
     A process that is late to read its socket does not make the frame late.
     """
     for _, kind, data in notes:
-        if kind == _SO_TIMESTAMPNS:
+        if kind == _SO_TIMESTAMPNS and len(data) == _TIMESPEC.size:
             seconds, nanoseconds = _TIMESPEC.unpack(data)
             age = time.time_ns() - seconds * 1_000_000_000 - nanoseconds
-            return time.monotonic() - age * 1e-9
+            # Another age means that the clock was set meanwhile.
+            return time.monotonic() - age * 1e-9 if 0 <= age < _LONGEST_AGE_NS else math.nan
     return math.nan

@@ -1,4 +1,4 @@
-"""What every bus must do: udp, serial, and one that a laboratory adds through an entry point."""
+"""What every bus must do: udp, serial, and the one of docs/bring_your_own_boards.md."""
 
 import os
 import pty
@@ -29,7 +29,6 @@ from musashi_muscle_bridge.protocol import (
     WatchdogAction,
 )
 
-LAB_BUS = Path(__file__).parent / "lab_bus"
 LOST = 0.05
 """[s] to wait for what shall not come."""
 SOON = 10.0
@@ -118,6 +117,13 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+@pytest.fixture(scope="session")
+def lab_bus(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    page = pytest.importorskip("lab_bus_page", reason="a package alone comes without docs")
+    installed: Path = page.install_lab_bus(tmp_path_factory.mktemp("lab"))
+    return installed
+
+
 @pytest.fixture(params=["udp", "serial", "lab"])
 def wire(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -129,8 +135,7 @@ def wire(
     elif request.param == "serial":
         made = SerialWire(tmp_path)
     else:
-        # An installed distribution: its folder on the path, its entry points beside it.
-        monkeypatch.syspath_prepend(str(LAB_BUS))
+        monkeypatch.syspath_prepend(str(request.getfixturevalue("lab_bus")))
         path = str(tmp_path / "lab.socket")
         made = DatagramWire(f"lab://{path}", socket.AF_UNIX, path)
     yield made

@@ -22,11 +22,11 @@ def limits(musashi: Robot) -> CommandLimits:
     return command_limits(musashi, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
 
 
-def pull(limits: CommandLimits, tension: float, velocity: float, current: float = 6.0) -> float:
-    """Return the current [A] that is left of `current` on the first muscle."""
+def pull(limits: CommandLimits, tension: float, velocity: float, blind: bool = False) -> float:
+    """Return the current [A] that is left of 6 A on the first muscle."""
     count = limits.tension_max.size
-    asked = Setpoints(np.full(count, Mode.CURRENT, dtype=np.uint8), np.full(count, current))
-    measured = np.full(count, tension), np.full(count, velocity)
+    asked = Setpoints(np.full(count, Mode.CURRENT, dtype=np.uint8), np.full(count, 6.0))
+    measured = np.full(count, tension), np.full(count, velocity), np.full(count, blind)
     return float(limited_pull(asked, *measured, limits).value[0])
 
 
@@ -66,11 +66,31 @@ def test_what_is_not_measured_gets_no_current(limits: CommandLimits, bad: float)
     assert pull(limits, 0.0, np.nan) == 0.0
 
 
+@given(tension=TENSIONS, velocity=VELOCITIES)
+def test_a_muscle_that_was_not_measured_lately_gets_none(
+    limits: CommandLimits, tension: float, velocity: float
+) -> None:
+    assert pull(limits, tension, velocity, blind=True) == 0.0
+
+
+def test_when_answers_stop_a_current_ends_after_five_more_frames(
+    musashi: Robot, limits: CommandLimits
+) -> None:
+    control = ControlPeriod(musashi, limits, WatchdogAction.ZERO_CURRENT, 0.1)
+    boards = Boards(musashi)
+    state = boards.handle(control.first_command())
+    currents = []
+    for period in range(20):
+        control.arbiter.command(Mode.CURRENT, [0], np.array([1.0]), period * PERIOD)
+        currents.append(float(control.next_command(state, period * PERIOD).rows["setpoint"][0]))
+    assert currents == [1.0] * 6 + [0.0] * 14
+
+
 @given(mode=st.sampled_from([Mode.LENGTH, Mode.TENSION, Mode.ZERO_CURRENT]), tension=TENSIONS)
 def test_other_modes_stay_as_they_are(limits: CommandLimits, mode: Mode, tension: float) -> None:
     count = limits.tension_max.size
     asked = Setpoints(np.full(count, mode, dtype=np.uint8), np.full(count, 1.0))
-    measured = np.full(count, tension), np.full(count, -1.0)
+    measured = np.full(count, tension), np.full(count, -1.0), np.zeros(count, dtype=bool)
     assert limited_pull(asked, *measured, limits) is asked
 
 
