@@ -3,6 +3,9 @@
 One interpreter computes in one thread at a time, so a loop beside rclpy's callbacks waits for them.
 The two processes share a channel and nothing else. Whichever of them ends, frames stop, and the
 boards' watchdog acts.
+
+What the kernel was asked for on behalf of the node, priority, cores and timer slack, the process
+inherits: all of it belongs to the thread that starts it.
 """
 
 import gc

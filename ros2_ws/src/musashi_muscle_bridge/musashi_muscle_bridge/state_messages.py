@@ -84,12 +84,15 @@ class RawStates(OrdinaryStates):
         self._muscle_state = MessageTemplate(muscle_state, fields)
         self._joint_state = MessageTemplate(joint_state, (*_STAMP, *_JOINT_VALUES))
 
+    # A board may send a signalling NaN, of which numpy would warn; it is published as a quiet one.
+    @np.errstate(invalid="ignore")
     def muscle_state(self, stamp: Stamp, measured: Measurement, holds: int) -> MuscleState | bytes:
         """Return the serialised message."""
         rows = measured.state.rows
         values = [rows[field] for field in _MUSCLE_VALUES]
         return self._muscle_state.filled(*stamp, reported_faults(measured), holds, *values)
 
+    @np.errstate(invalid="ignore")
     def joint_state(self, stamp: Stamp, measured: Measurement) -> JointState | bytes:
         """Return the serialised message."""
         joints = measured.state.joints

@@ -116,6 +116,18 @@ def test_what_the_boards_answer_is_published(node: Node) -> None:
     assert sequences == sorted(set(sequences))
 
 
+def test_the_process_runs_on_the_cores_of_the_node(hoist: Robot, boards: FarEnd) -> None:
+    before = os.sched_getaffinity(0)
+    chosen = {min(before)}
+    os.sched_setaffinity(0, chosen)
+    try:
+        node = Node(hoist, boards.url)
+    finally:
+        os.sched_setaffinity(0, before)
+    assert os.sched_getaffinity(node.process.pid) == chosen
+    node.process.stop()
+
+
 def test_an_order_arrives(node: Node) -> None:
     assert node.process.order(EmergencyStop())
     node.until(lambda: node.process.status.report.emergency)
