@@ -144,8 +144,12 @@ def test_ctrl_c_in_a_terminal_ends_it(bridge_and_mock: "Suite", tmp_path: Path) 
     )
     os.close(theirs)
     seen = b""
-    while b"Enter goes on" not in seen:
-        seen += os.read(ours, 1000)
-    process.send_signal(signal.SIGINT)
-    assert process.wait(_PATIENCE_SEC) == 1
-    os.close(ours)
+    try:
+        while b"Enter goes on" not in seen:
+            seen += os.read(ours, 1000)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(_PATIENCE_SEC) == 1
+    finally:
+        process.kill()
+        process.wait()
+        os.close(ours)

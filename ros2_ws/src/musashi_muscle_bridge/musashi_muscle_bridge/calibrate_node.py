@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -11,10 +12,10 @@ from typing import Any
 import numpy as np
 import rclpy
 import yaml
-from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -211,14 +212,17 @@ def main() -> int:
         print(f"calibrate: {error}", file=sys.stderr)
         return 2
     os.environ.setdefault(*_TRANSPORT)
-    rclpy.init()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Also where a shell had them ignored: whoever ends this wants no muscle pulled any more.
+        signal.signal(number, signal.default_int_handler)
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     calibrator = Calibrator(robot, PullSettings(current_step=chosen.current))
     found: dict[str, dict[str, Any]] = {}
     try:
         found = guide(calibrator, muscles, _ask)
     except PlannerError as error:
         print(f"calibrate: {error}", file=sys.stderr)
-    except (_Ended, KeyboardInterrupt, ExternalShutdownException):
+    except (_Ended, KeyboardInterrupt):
         say("ended; nothing is written")
     finally:
         calibrator.close()

@@ -23,7 +23,9 @@ class TopicPulse:
         received  monotonic time [s]
         """
         self.received = received
-        if self._marks and sequence <= self._marks[-1][1]:
+        if self._marks and sequence == self._marks[-1][1]:
+            return  # the same message, looked at again
+        if self._marks and sequence < self._marks[-1][1]:
             self._marks.clear()  # another publisher, or the same one started again
         if sequence:
             self._marks.append((received, sequence))

@@ -26,6 +26,13 @@ def test_the_rate_of_an_even_topic_is_found_from_the_messages_looked_at(
     assert pulse.rate(looked) == pytest.approx(rate, rel=0.02)
 
 
+def test_a_message_that_is_looked_at_twice_starts_nothing_anew() -> None:
+    pulse = TopicPulse()
+    for sequence, received in ((1, 0.0), (2, 0.1), (2, 0.1)):
+        pulse.heard(sequence, received)
+    assert pulse.rate(0.2) == pytest.approx(10.0)
+
+
 def test_a_topic_that_nobody_published_is_infinitely_old() -> None:
     assert TopicPulse().age(1.0) == math.inf
 
