@@ -222,7 +222,7 @@ class SwingExecution:
         self._inhibition_heard = -math.inf
         self._inhibition_over = False  # it reached the goal
         self._armed = False
-        self._arm_asked = False
+        self._arm_asked_at = math.inf  # [s]
         self._over = False
         self._done = False
         refuse_muscles(muscles, self._holds)
@@ -282,6 +282,9 @@ class SwingExecution:
 
     def add_inhibition(self, report: InhibitionReport) -> None:
         """Take a report of the inhibitor; if it ended before the goal, the swing has to stop."""
+        # The middleware repeats what was lost: the end of an earlier swing may arrive in this one.
+        if report.time < self._arm_asked_at:
+            return
         if report.armed:
             self._inhibition_heard = max(self._inhibition_heard, report.time)
         elif report.reached:
@@ -328,7 +331,7 @@ class SwingExecution:
             raise
 
     def _refuse_to_go_on(self, now: float) -> None:
-        refuse_muscles(self._muscles, self._holds, self._arm_asked)
+        refuse_muscles(self._muscles, self._holds, self._arm_asked_at < math.inf)
         if self._interruption:
             raise SwingAborted("INTERRUPTED", self._interruption)
         if self._inhibition_lost:
@@ -408,8 +411,8 @@ class SwingExecution:
             if ready:
                 raise SwingAborted("NOT_READY", "the inhibitor did not confirm that it is armed")
             raise self._not_at_start("rest")
-        if ready and not self._arm_asked:
-            self._arm_asked = True
+        if ready and self._arm_asked_at == math.inf:
+            self._arm_asked_at = now
             return Orders(arm=True)
         return Orders()
 

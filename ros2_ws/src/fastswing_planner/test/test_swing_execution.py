@@ -528,26 +528,24 @@ def test_an_armed_swing_allows_some_muscles_at_zero_current_but_not_all(
             case.execution.step(case.now)
 
 
-def test_a_swing_stops_when_the_inhibitor_ends_before_the_goal(linear_arm: ArmBuilder) -> None:
-    case = stage(linear_arm, Method.INHIBIT)
+def swinging_with_method_1(arm: ArmBuilder) -> Stage:
+    """Return a swing whose inhibitor has just died."""
+    case = stage(arm, Method.INHIBIT)
     case.run_until(Phase.SETTLE)
     case.tick_for(1.0)
     case.execution.inhibitor_armed()
     case.run_until(Phase.SWING)
+    case.inhibitor_speaks = False
+    return case
+
+
+def test_a_swing_stops_when_the_inhibitor_ends_before_the_goal(linear_arm: ArmBuilder) -> None:
+    case = swinging_with_method_1(linear_arm)
     case.execution.add_inhibition(InhibitionReport(case.now, False, False, "joint states stopped"))
     with pytest.raises(
         SwingAborted, match=r"^the inhibitor disarmed itself: joint states stopped$"
     ):
         case.execution.step(case.now)
-
-
-def swinging_with_method_1(arm: ArmBuilder) -> Stage:
-    """Return a swing whose inhibitor has just died."""
-    case = stage(arm, Method.INHIBIT)
-    case.execution.inhibitor_armed()
-    case.run_until(Phase.SWING)
-    case.inhibitor_speaks = False
-    return case
 
 
 def test_a_swing_stops_when_the_inhibitor_falls_silent(linear_arm: ArmBuilder) -> None:
@@ -564,6 +562,16 @@ def test_an_inhibitor_that_ended_at_the_goal_may_be_silent(linear_arm: ArmBuilde
     case.execution.add_inhibition(InhibitionReport(case.now, False, True, "the goal was reached"))
     case.tick_for(1.0)
     assert case.execution.phase is Phase.SWING
+
+
+@pytest.mark.parametrize("reached", [True, False])
+def test_what_the_inhibitor_told_of_an_earlier_swing_does_not_count(
+    linear_arm: ArmBuilder, reached: bool
+) -> None:
+    # Reliable topics repeat what got lost: the end of an earlier swing arrived a second later.
+    case = swinging_with_method_1(linear_arm)
+    case.execution.add_inhibition(InhibitionReport(case.now - 2.0, False, reached, "earlier"))
+    assert "has been silent" in str(aborted(case))
 
 
 def test_once_the_arm_has_arrived_the_inhibitor_may_be_silent(linear_arm: ArmBuilder) -> None:
