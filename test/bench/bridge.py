@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "demo"))
 import numpy as np
 from board_times import BoardTimes, read_board_log
 from builtin_interfaces.msg import Duration
-from large_arm import write_large_arm
+from limbed_arm import write_limbed_arm
 from listening import Listener
 from numpy.typing import NDArray
 from pace_baseline import Pace, PaceBaseline
@@ -260,7 +260,7 @@ def run(scale: float, plots: Path | None = None) -> list[Row]:
             ("10 boards", MUSASHI, {}),
             ("10 boards, ordinary messages", MUSASHI, {"raw_messages": "false"}),
             ("10 boards, realtime_priority 50", MUSASHI, {"realtime_priority": 50}),
-            ("74 boards", str(write_large_arm(folder, joints=33, muscles=74)), {}),
+            ("74 boards", str(write_limbed_arm(folder, muscles=74, joints=33)), {}),
         ]
         found = {label: Measured() for label, _, _ in variants}
         for _ in range(ROUNDS if scale > 0.1 else 1):

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "demo"))
 import rclpy
 from baselines import baseline
 from builtin_interfaces.msg import Duration
-from large_arm import write_large_arm
+from limbed_arm import write_limbed_arm
 from processes import Process, free_domain, isolated_environment
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -219,7 +219,7 @@ def met_by_programs() -> Iterator[None]:
 @contextmanager
 def benches(folder: Path) -> Iterator[dict[str, InhibitorBench]]:
     """Start inhibitors: of ten muscles, of 74, and one that takes the ordinary way."""
-    large = write_large_arm(folder, joints=33, muscles=74)
+    large = write_limbed_arm(folder, muscles=74, joints=33)
     running: dict[str, InhibitorBench] = {}
     try:
         running["inhibitor"] = InhibitorBench(folder, MUSASHI)

@@ -1,4 +1,4 @@
-"""Arms of any size to plan for: limbs of up to three joints, with muscles across one and two."""
+"""Arms of any size: limbs of up to three joints, with muscles across one and two."""
 
 from pathlib import Path
 

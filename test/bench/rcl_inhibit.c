@@ -204,7 +204,7 @@ static void open_link(Link *link, rcl_context_t *context, rcl_node_t *node) {
   // The bridge's own quality of service.
   rcl_subscription_options_t overrides = rcl_subscription_get_default_options();
   overrides.qos.depth = 1;
-  overrides.qos.reliability = RMW_QOS_POLICY_RELIABILITY_RELIABLE;
+  overrides.qos.reliability = RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT;
   CHECK(rcl_subscription_init(&link->subscription, node,
                               ROSIDL_GET_MSG_TYPE_SUPPORT(fastswing_msgs, msg, CurrentOverride),
                               "current_override", &overrides));

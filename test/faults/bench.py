@@ -237,6 +237,7 @@ class Bench:
         suite.fresh_muscles()
         suite.hold()
         suite.trigger("disarm_inhibitor")
+        self.lines.forget(self.tidied_at)
         self.tidied_at = time.monotonic()
 
     def _mend_control_process(self) -> None:

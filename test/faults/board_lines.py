@@ -89,6 +89,11 @@ class BoardLines:
             )
         )
 
+    def forget(self, time: float) -> None:
+        """Drop what was taken before a time [s]: an hour of frames would slow down the tests."""
+        self.commands = self.commands_since(time)
+        self.boards = [line for line in self.boards if line.time >= time]
+
     def commands_since(self, time: float) -> list[CommandLine]:
         """Return the commands taken at or after a time [s]."""
         found = []

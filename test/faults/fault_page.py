@@ -8,7 +8,7 @@ import statistics
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -108,6 +108,15 @@ def milliseconds(values: Sequence[float]) -> str:
     return f"{middle:.0f} / {most:.0f} ms ({len(values)})"
 
 
+def _alike(texts: Iterable[str]) -> Counter[str]:
+    """Return how many texts differ in numbers only, by the first of them."""
+    first: dict[str, str] = {}
+    counts: Counter[str] = Counter()
+    for text in texts:
+        counts[first.setdefault(re.sub(r"\d+(\.\d+)?", "0", text), text)] += 1
+    return counts
+
+
 def _cell(text: str) -> str:
     text = " ".join(text.split()).replace("|", "\\|")
     return text if len(text) <= _LONGEST_TEXT else text[: _LONGEST_TEXT - 1] + "…"
@@ -131,14 +140,14 @@ def seen_text(row: Row, results: Sequence[Result]) -> str:
         else:
             parts.append(f"`{place}`: {text}")
     if row.phase != HOLD and "result" not in places:
-        outcome = sorted({result["result"] for result in results if result["result"]})
+        outcome = _alike(sorted(result["result"] for result in results if result["result"]))
         parts += [f"swing: {_cell(text)}" for text in outcome]
-    later = sorted(
-        {
+    later = _alike(
+        sorted(
             result["result_after"]
             for result in results
             if result.get("result_after") and not result["result"]
-        }
+        )
     )
     parts += [f"after the recovery the swing ends: {_cell(text)}" for text in later]
     parts += [_cell(note) for note in results[0]["notes"]]
@@ -223,7 +232,7 @@ def failures(failed: Sequence[Result]) -> str:
 
 def disturbances(everything: Sequence[Result]) -> str:
     """Return which attempts were repeated, and why."""
-    reasons = Counter(reason for result in everything for reason in result["disturbed"])
+    reasons = _alike(reason for result in everything for reason in result["disturbed"])
     if not reasons:
         return "No attempt had to be repeated."
     lines = [f"- {count} times: {_cell(reason)}" for reason, count in reasons.most_common()]

@@ -169,7 +169,10 @@ def _refuse_stall(bench: Bench, row: Row, start: float) -> None:
     """Raise Disturbed if the boards' watchdog acted where the fault does not explain it."""
     if row.safe in (Safe.WATCHDOG, Safe.NO_CURRENT, Safe.GONE, Safe.EITHER):
         return
-    latched = [set(line.faults) for line in bench.lines.commands[-1:]]
+    latched = [
+        {fault for muscle, fault in enumerate(line.faults) if muscle != row.muscle}
+        for line in bench.lines.commands[-1:]
+    ]
     if bench.lines.in_watchdog_since(start) is not None or latched == [{WATCHDOG}]:
         _raise_if_stalled(bench, "the boards' watchdog acted")
 

@@ -167,6 +167,8 @@ class ManagedNode(LifecycleNode):
         result = self._transition("activate", self.activate)
         self.is_active = result is TransitionCallbackReturn.SUCCESS
         keep_what_there_is()
+        if self.is_active:
+            self.guarded(self.publish_diagnostics)()
         return result
 
     def on_deactivate(self, state: State) -> TransitionCallbackReturn:

@@ -24,37 +24,34 @@ class ProxSuiteSolver:
     """ProxQP's dense solver, cold-started, with tolerances that were measured to be needed.
 
     With the default eps of 1e-5 ProxQP reports steps of the swing QP as solved that are off by up
-    to 0.9 rad/s; a warm start after an infeasible problem spoils the next.
+    to 0.9 rad/s.
     """
 
     max_iterations = 10_000
     max_inner_iterations = 1_500
 
     def __init__(self) -> None:
-        """Begin without a problem; raises SolverMissing."""
+        """Begin; raises SolverMissing."""
         _require("proxsuite", proxsuite)
-        self._workspaces: dict[tuple[int, int, int], proxsuite.proxqp.dense.QP] = {}
 
     def _workspace(self, problem: QuadraticProgram) -> "proxsuite.proxqp.dense.QP":
-        size = (problem.c.size, problem.b.size, problem.lower.size)
-        if size not in self._workspaces:
-            workspace = proxsuite.proxqp.dense.QP(*size)
-            settings = workspace.settings
-            settings.eps_abs = 1e-9
-            settings.eps_rel = 0.0
-            settings.check_duality_gap = True
-            # With a gap of 1e-7 the slow last step of a swing, where the multipliers are small, was
-            # off by 1e-5 rad. Large numbers leave a gap of rounding errors: a part of their cost.
-            settings.eps_duality_gap_abs = 1e-11
-            settings.eps_duality_gap_rel = 1e-13
-            # Every problem asked here is feasible; with 1e-12 ProxQP once denied it for a bound of
-            # -8e-15 beside zeros.
-            settings.eps_primal_inf = 0.0
-            settings.max_iter = self.max_iterations
-            settings.max_iter_in = self.max_inner_iterations
-            settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
-            self._workspaces[size] = workspace
-        return self._workspaces[size]
+        """Return a new one: one that solved a problem before sometimes does not solve the next."""
+        workspace = proxsuite.proxqp.dense.QP(problem.c.size, problem.b.size, problem.lower.size)
+        settings = workspace.settings
+        settings.eps_abs = 1e-9
+        settings.eps_rel = 0.0
+        settings.check_duality_gap = True
+        # With a gap of 1e-7 the slow last step of a swing, where the multipliers are small, was
+        # off by 1e-5 rad. Large numbers leave a gap of rounding errors: a part of their cost.
+        settings.eps_duality_gap_abs = 1e-11
+        settings.eps_duality_gap_rel = 1e-13
+        # Every problem asked here is feasible; with 1e-12 ProxQP once denied it for a bound of
+        # -8e-15 beside zeros.
+        settings.eps_primal_inf = 0.0
+        settings.max_iter = self.max_iterations
+        settings.max_iter_in = self.max_inner_iterations
+        settings.initial_guess = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
+        return workspace
 
     def solve(self, problem: QuadraticProgram) -> Vector:
         """Return the minimiser, shape (n,). Raises QpUnsolved."""
@@ -75,8 +72,6 @@ class ProxSuiteSolver:
         workspace.solve()
         status = workspace.results.info.status
         if status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
-            # The workspace of an unsolved problem spoils the next.
-            del self._workspaces[problem.c.size, problem.b.size, problem.lower.size]
             undecided = status == proxsuite.proxqp.QPSolverOutput.PROXQP_MAX_ITER_REACHED
             raise QpUnsolved(str(status).rpartition(".")[2], problem, undecided)
         return _finite(np.array(workspace.results.x), problem)
@@ -105,7 +100,7 @@ class DaqpSolver:
     max_iterations = 10_000
 
     def __init__(self) -> None:
-        """Begin without a problem; raises SolverMissing."""
+        """Begin; raises SolverMissing."""
         _require("daqp", daqp)
 
     def solve(self, problem: QuadraticProgram) -> Vector:

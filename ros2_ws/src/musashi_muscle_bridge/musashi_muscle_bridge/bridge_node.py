@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 from numpy.typing import NDArray
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
@@ -55,6 +55,8 @@ _COMMANDS = {
     Mode.CURRENT: (CurrentCommand, "current_command", "current"),
 }
 _OVERRIDE = "current_override"
+# The next one comes before a lost one could be repeated, and without answers it comes sooner.
+_NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _DEAD = "the control process died, see the log: nothing is sent, the boards' watchdog acts"
 _SWITCH_INTERVAL_SEC = 1e-4
 _CLOCK_READINGS, _CLOCK_READING_NS = 5, 50_000
@@ -209,10 +211,10 @@ class BridgeNode(ManagedNode):
 
     def _connect(self) -> None:
         self._inputs = [
-            self._listen(kind, topic, self._command(mode, field), 10)
+            self._listen(kind, topic, self._command(mode, field), QoSProfile(depth=10))
             for mode, (kind, topic, field) in _COMMANDS.items()
         ]
-        self._inputs.append(self._listen(CurrentOverride, _OVERRIDE, self._override, 1))
+        self._inputs.append(self._listen(CurrentOverride, _OVERRIDE, self._override, _NEWEST))
         self._triggers = [
             self.create_service(Trigger, name, self.guarded(self._answer(action, text)))
             for name, action, text in (
@@ -244,10 +246,10 @@ class BridgeNode(ManagedNode):
 
     # Commands.
 
-    def _listen(self, kind: Any, topic: str, take: Callable[[Any, float], None], depth: int) -> Any:
-        return self.create_subscription(
-            kind, topic, self.guarded(self._taker(topic, take)), QoSProfile(depth=depth)
-        )
+    def _listen(
+        self, kind: Any, topic: str, take: Callable[[Any, float], None], qos: QoSProfile
+    ) -> Any:
+        return self.create_subscription(kind, topic, self.guarded(self._taker(topic, take)), qos)
 
     def _taker(self, topic: str, take: Callable[[Any, float], None]) -> Callable[[Any], None]:
         """Return a callback of messages that `take` sends to the control process.

@@ -23,7 +23,7 @@ from musashi_muscle_bridge.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.pull_limit import limited_pull
+from musashi_muscle_bridge.pull_limit import limited_pull, pulls
 
 _MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond
 
@@ -184,19 +184,23 @@ class ControlPeriod:
                 self.arbiter.keep(self.lost)
             else:
                 faulty = faulty | self.lost
-        length, tension, velocity = (
-            self._whole([state.rows[field] for state in known])
-            for field in ("length", "tension", "velocity")
-        )
-        setpoints = self.arbiter.update(now, length, tension, faulty)
-        blind = self._whole(
+        tension = self._measured("tension", known)
+        setpoints = self.arbiter.update(now, self._measured("length", known), tension, faulty)
+        if pulls(setpoints):
+            velocity, blind = self._measured("velocity", known), self._blind(known)
+            setpoints = limited_pull(setpoints, tension, velocity, blind, self._limits)
+        return [group.command(setpoints) for group in self.groups]
+
+    def _measured(self, field: str, states: Sequence[StateFrame]) -> NDArray[Any]:
+        return self._whole([state.rows[field] for state in states])
+
+    def _blind(self, states: Sequence[StateFrame]) -> BoolVector:
+        return self._whole(
             [
                 np.full(group.muscles.size, group.blind(state))
-                for group, state in zip(self.groups, known, strict=True)
+                for group, state in zip(self.groups, states, strict=True)
             ]
         )
-        setpoints = limited_pull(setpoints, tension, velocity, blind, self._limits)
-        return [group.command(setpoints) for group in self.groups]
 
     def merged(self, states: Sequence[StateFrame]) -> StateFrame:
         """Return the state of the whole robot, rows and joints in the robot's order."""

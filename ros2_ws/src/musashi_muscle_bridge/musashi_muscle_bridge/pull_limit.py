@@ -13,6 +13,11 @@ from musashi_muscle_bridge.protocol import Mode
 _CURRENT = int(Mode.CURRENT)
 
 
+def pulls(setpoints: Setpoints) -> bool:
+    """Return whether any muscle follows a current."""
+    return _CURRENT in setpoints.mode.tobytes()
+
+
 def limited_pull(
     setpoints: Setpoints,
     tension: Vector,
@@ -28,8 +33,6 @@ def limited_pull(
     blind     muscles that were not measured lately, shape (m,); no current
     """
     pulling = setpoints.mode == _CURRENT
-    if not np.count_nonzero(pulling):
-        return setpoints
     # The two limits of a robot may be the same.
     reach = np.maximum(limits.tension_limit - limits.tension_max, 1e-9)
     below_tension = (limits.tension_limit - tension) / reach

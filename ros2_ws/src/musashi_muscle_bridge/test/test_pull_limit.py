@@ -10,7 +10,7 @@ from musashi_muscle_bridge.arbiter import CommandLimits, Setpoints
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.protocol import Mode, WatchdogAction
-from musashi_muscle_bridge.pull_limit import limited_pull
+from musashi_muscle_bridge.pull_limit import limited_pull, pulls
 
 PERIOD = 0.002
 TENSIONS = st.floats(0.0, 1e4)
@@ -89,9 +89,19 @@ def test_when_answers_stop_a_current_ends_after_five_more_frames(
 @given(mode=st.sampled_from([Mode.LENGTH, Mode.TENSION, Mode.ZERO_CURRENT]), tension=TENSIONS)
 def test_other_modes_stay_as_they_are(limits: CommandLimits, mode: Mode, tension: float) -> None:
     count = limits.tension_max.size
-    asked = Setpoints(np.full(count, mode, dtype=np.uint8), np.full(count, 1.0))
+    modes = np.full(count, mode, dtype=np.uint8)
+    modes[0] = Mode.CURRENT
+    asked = Setpoints(modes, np.full(count, 1.0))
     measured = np.full(count, tension), np.full(count, -1.0), np.zeros(count, dtype=bool)
-    assert limited_pull(asked, *measured, limits) is asked
+    limited = limited_pull(asked, *measured, limits)
+    assert limited.mode.tolist() == modes.tolist()
+    assert limited.value[1:].tolist() == [1.0] * (count - 1)
+
+
+@given(modes=st.lists(st.sampled_from(list(Mode)), min_size=1))
+def test_who_follows_a_current_pulls(modes: list[Mode]) -> None:
+    asked = Setpoints(np.array(modes, dtype=np.uint8), np.ones(len(modes)))
+    assert pulls(asked) == (Mode.CURRENT in modes)
 
 
 def highest_tension(robot: Robot, limits: CommandLimits, muscle: int, slack: float) -> float:
