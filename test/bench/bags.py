@@ -1,4 +1,4 @@
-"""Bags beside the libraries that most people use: read, write, analyse, record, and growth."""
+"""Bags beside the libraries that most people use: read, write, analyse, replay, record, growth."""
 
 import tempfile
 import time
@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 from bag_reading import READERS, TYPES, samples, write_bag
+from decided_bag import TOPICS as DECIDED
+from decided_bag import write_decided_bag
 from growth_picture import Line, draw
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.writer import Writer as EncodingWriter
@@ -18,13 +20,16 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rounds import Program, Row, Samples, in_turns, row
 
+from fastswing_inhibitor.replay import replay
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.analysis.recording_reading import read_recordings
 from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.bag import open_bag
 from fastswing_planner.message_definition import definition_text
+from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
 
-QUESTION = "What does a message of a bag cost to read, write, analyse and record, beside others?"
+QUESTION = "What does a message of a bag cost to read, write, analyse and replay, beside others?"
 READ, WRITTEN, GROWN = "/muscle_state", "/muscle_state", "/joint_states"
 COUNTS = (10_000, 100_000, 1_000_000)
 ROSBAGS, MCAP = "rosbags", "mcap-ros2-support"
@@ -38,6 +43,7 @@ def run(scale: float, plots: Path | None = None) -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         rows = _reading(write_bag(folder / "read.mcap", count), rounds)
+        rows += _replaying(folder, max(500, count // 4), rounds)
         rows += _writing(folder, count, rounds)
         rows += _recording(folder, max(2.0, 15.0 * scale))
         grown = _growth(folder, scale)
@@ -69,6 +75,24 @@ def _reading(bag: Path, rounds: int) -> list[Row]:
     )
     against = (f"{ROSBAGS} decoding the same", found[ROSBAGS])
     return [*rows, row("what analyse reads", found["analyse"], "us", against)]
+
+
+def _replaying(folder: Path, count: int, rounds: int) -> list[Row]:
+    robot = load_robot(resolve_path(MUSASHI))
+    bag = write_decided_bag(folder / "decided.mcap", robot, count)
+
+    def replayed() -> int:
+        found = replay(open_bag(bag), robot.model, robot.limits.velocity)
+        if [swing.agreed for swing in found.swings] != [count]:
+            raise RuntimeError("the replayed decisions differ")
+        return count
+
+    def decoded() -> int:
+        return sum(READERS[ROSBAGS](bag, topic) for topic in DECIDED) // len(DECIDED)
+
+    found = in_turns({"replay": each(replayed), ROSBAGS: each(decoded)}, rounds)
+    against = (f"{ROSBAGS} decoding the same", found[ROSBAGS])
+    return [row("replay a decision", found["replay"], "us", against)]
 
 
 def _beside_rosbags(title: str, found: dict[str, list[Samples]]) -> list[Row]:

@@ -97,6 +97,7 @@ class Inhibition:
         self._velocity_limit = velocity_limit
         self._settings = settings
         self._arming: Arming | None = None
+        self._free: BoolVector = np.zeros(velocity_limit.size, dtype=bool)
         self._last: JointMeasurement | None = None
         self._way: Vector | None = None
         self._way_length = 0.0
@@ -131,6 +132,7 @@ class Inhibition:
                 "active?"
             )
         self._arming = arming
+        self._free = ~arming.protected
         self._last = None
         self._way = None
         self.reason = Reason.NONE
@@ -192,7 +194,7 @@ class Inhibition:
         arms = moment_arm(self._model.jacobian(joints.position), direction)
         index = speed_index(arms, self._velocity_limit)
         # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
-        inhibited = (index > arming.threshold) & ~arming.protected
+        inhibited = (index > arming.threshold) & self._free
         return Decision(inhibited, index, slow, Reason.NONE)
 
     def nothing(self) -> Decision:
@@ -204,23 +206,29 @@ class Inhibition:
 
     def _end_reason(self, joints: JointMeasurement, arming: Arming) -> Reason:
         settings = self._settings
+        # The standard library's norms: for a few joints they take a third of numpy's time.
+        here = joints.position.tolist()
         if self._last is not None:
             elapsed = max(joints.time - self._last.time, 0.0)
-            moved = max(map(abs, (joints.position - self._last.position).tolist()))
-            if moved > settings.max_joint_speed * elapsed + settings.jump_tolerance:
+            allowed = settings.max_joint_speed * elapsed + settings.jump_tolerance
+            before = self._last.position.tolist()
+            # No joint moved farther than all together did.
+            if math.dist(here, before) > allowed and _farthest(here, before) > allowed:
                 return Reason.STATE_JUMP
         if self._way is None:
             # From where it was first seen.
             self._way = arming.goal - joints.position
             self._way_length = math.hypot(*self._way.tolist())
-        remaining = arming.goal - joints.position
-        distance = math.hypot(*remaining.tolist())
-        if distance < settings.goal_tolerance:
+        if math.dist(here, arming.goal.tolist()) < settings.goal_tolerance:
             return Reason.GOAL_REACHED
         # Passed: the projection on the way from start to goal lies beyond the goal.
-        if remaining.dot(self._way) <= 0.0:
+        if (arming.goal - joints.position).dot(self._way) <= 0.0:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
         if joints.velocity.dot(self._way) < -settings.reversal_speed * self._way_length:
             return Reason.REVERSED
         return Reason.NONE
+
+
+def _farthest(here: list[float], before: list[float]) -> float:
+    return max(abs(one - other) for one, other in zip(here, before, strict=True))

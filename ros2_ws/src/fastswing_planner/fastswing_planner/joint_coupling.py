@@ -59,12 +59,13 @@ class JointCoupling:
         self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
         self._chosen_rates.setflags(write=False)
 
-    def set_positions(self, data: mujoco.MjData, joint_position: Vector) -> Matrix:
-        """Write qpos of all joints, and return d qvel / d joint velocity, shape (nv, n).
+    def set_positions(self, qpos: Vector, joint_position: Vector) -> Matrix:
+        """Write the positions of all joints, and return d qvel / d joint velocity, shape (nv, n).
 
+        qpos            MuJoCo's, shape (nq,), written to
         joint_position  of the chosen joints [rad, m], shape (n,)
         """
-        model, qpos = self._model, data.qpos
+        model = self._model
         if self._others_stay:
             qpos[:] = self._reference
         qpos[self._qpos_index] = joint_position
@@ -93,7 +94,7 @@ def refuse_restrained_joints(
     joint_position  where to look [rad, m], shape (n,)
     """
     data = mujoco.MjData(model)
-    rates = coupling.set_positions(data, joint_position)
+    rates = coupling.set_positions(data.qpos, joint_position)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_flex(model, data)

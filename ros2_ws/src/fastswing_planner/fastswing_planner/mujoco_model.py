@@ -5,6 +5,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
 from fastswing_planner.errors import RobotDescriptionError
@@ -28,6 +29,18 @@ def load_mjcf(path: Path) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise RobotDescriptionError(f"{path}: not a usable MJCF: {error}") from error
+
+
+def sparse_places(model: mujoco.MjModel) -> NDArray[np.int_]:
+    """Return where `ten_J` has each tendon and dof, shape (ntendon, nv); -1: nowhere.
+
+    MuJoCo stores it sparse, one row per tendon (since 3.17), with the model's own indices.
+    """
+    places = np.full((model.ntendon, model.nv), -1)
+    for row, first, count in zip(places, model.ten_J_rowadr, model.ten_J_rownnz, strict=True):
+        there = np.arange(first, first + count)
+        row[model.ten_J_colind[there]] = there
+    return places
 
 
 class MujocoMuscleModel:
@@ -68,15 +81,14 @@ class MujocoMuscleModel:
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
         self._dofs = contiguous(model.jnt_dofadr[joints])
         # Views of MuJoCo's memory: looked up once.
-        self._path_length = self._data.ten_length
-        self._sparse = (
-            self._data.ten_J,
-            model.ten_J_rownnz,
-            model.ten_J_rowadr,
-            model.ten_J_colind,
-        )
+        self._qpos, self._path_length = self._data.qpos, self._data.ten_length
+        self._sparse_arms = self._data.ten_J
         reference = reference_position(model, keyframe)
         self._coupling = JointCoupling(model, joints, reference)
+        places = sparse_places(model)[self._tendons]
+        if not self._coupling.followers:
+            places = places[:, self._dofs]
+        self._present, self._places = places >= 0, np.maximum(places, 0)
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
         for posture in postures:
             refuse_restrained_joints(model, self._coupling, posture)
@@ -85,7 +97,7 @@ class MujocoMuscleModel:
     def full_position(self, joint_position: Vector) -> Vector:
         """Return MuJoCo's `qpos` of a posture: all joints of the MJCF, shape (nq,)."""
         self._computed = b""
-        self._coupling.set_positions(self._data, joint_position)
+        self._coupling.set_positions(self._qpos, joint_position)
         return frozen(self._data.qpos)
 
     def held_joints(self) -> dict[str, float]:
@@ -107,7 +119,7 @@ class MujocoMuscleModel:
         wanted = np.asarray(joint_position, dtype=float).tobytes()
         if wanted != self._computed:
             self._computed = b""  # whatever raises here leaves nothing computed
-            self._rates = self._coupling.set_positions(self._data, joint_position)
+            self._rates = self._coupling.set_positions(self._qpos, joint_position)
             mujoco.mj_kinematics(self._model, self._data)
             mujoco.mj_comPos(self._model, self._data)
             mujoco.mj_tendon(self._model, self._data)
@@ -122,13 +134,10 @@ class MujocoMuscleModel:
     def jacobian(self, joint_position: Vector) -> Matrix:
         """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
-        # MuJoCo stores it sparse, one row per tendon (since 3.17; the indices are the model's).
-        dense = np.zeros((self._model.ntendon, self._model.nv))
-        mujoco.mju_sparse2dense(dense, *self._sparse)
-        rows = dense[self._tendons]
-        arms = rows @ rates if self._coupling.followers else rows[:, self._dofs]
-        arms[np.abs(arms) < _SMALLEST_ARM] = 0.0
-        return made_frozen(arms)
+        arms, present = self._sparse_arms.take(self._places), self._present
+        if self._coupling.followers:
+            arms, present = np.where(present, arms, 0.0) @ rates, np.True_
+        return made_frozen(np.where(present & (np.abs(arms) >= _SMALLEST_ARM), arms, 0.0))
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

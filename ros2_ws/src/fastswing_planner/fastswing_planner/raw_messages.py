@@ -7,7 +7,8 @@ one only. Every message read is compared with the one whose places were learned;
 anything but numbers takes the ordinary way.
 """
 
-from collections.abc import Mapping, Sequence
+import struct
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from operator import attrgetter
 from types import SimpleNamespace
@@ -30,6 +31,20 @@ _KINDS = 4
 """Kept at a time: as many publishers of one topic as may reasonably take turns."""
 _LARGEST_LEARNED = 16_384
 """[bytes] No state is larger; learning takes its time."""
+_CODES = {
+    "?": "?",
+    "i1": "b",
+    "u1": "B",
+    "i2": "h",
+    "u2": "H",
+    "i4": "i",
+    "u4": "I",
+    "i8": "q",
+    "u8": "Q",
+    "f4": "f",
+    "f8": "d",
+}
+"""struct's name of each of numpy's types."""
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """The numbers of a message's header."""
 
@@ -50,8 +65,12 @@ class MessageTemplate:
         # Whatever the middleware's memory held stands between the fields and behind them.
         content = _at(layout.size, _text_places(layout) | _number_places(layout))
         self._buffer = bytearray(np.where(content, np.frombuffer(data, np.uint8), 0).tobytes())
-        record = np.frombuffer(self._buffer, _record_type(layout, fields))
-        self._places = tuple(record[field].reshape(record[field].shape[1:]) for field in fields)
+        self._places = [self._place(number) for number in _numbers(layout, fields)]
+
+    def _place(self, number: "_Number") -> "_Scalar | npt.NDArray[Any]":
+        if number.count is None:
+            return _Scalar(struct.Struct(number.code).pack_into, number.offset)
+        return np.frombuffer(self._buffer, number.dtype, number.count, number.offset)
 
     def filled(self, *values: Any) -> bytes:
         """Return the message with `values`, one for each of the fields, in their order.
@@ -59,12 +78,19 @@ class MessageTemplate:
         A sequence's value has as many elements as the sequence had; an array or a list. Raises
         ValueError for another number of values or elements.
         """
-        with np.errstate(invalid="ignore"):  # a number that is none stays none, whatever its bits
-            for place, value in zip(self._places, values, strict=True):
-                if place.ndim and len(value) != place.size:  # numpy would repeat a single element
-                    raise ValueError(f"{len(value)} elements for a sequence of {place.size}")
-                place[...] = value
+        for place, value in zip(self._places, values, strict=True):
+            if isinstance(place, _Scalar):
+                place.pack_into(self._buffer, place.offset, value)
+                continue
+            if len(value) != place.size:  # numpy would repeat a single element
+                raise ValueError(f"{len(value)} elements for a sequence of {place.size}")
+            place[...] = value
         return bytes(self._buffer)
+
+
+class _Scalar(NamedTuple):
+    pack_into: Callable[..., None]
+    offset: int
 
 
 class RawReader(Generic[Message]):
@@ -83,7 +109,7 @@ class RawReader(Generic[Message]):
         self._fields = tuple(fields)
         self._kinds: dict[int, _Kind] = {}  # by size
         # An empty message tells about a wrong path now, not in a callback.
-        _record_type(layout_of(_schema(message_type), serialize_message(message_type())), fields)
+        _numbers(layout_of(_schema(message_type), serialize_message(message_type())), fields)
 
     def read(self, data: bytes) -> Message | SimpleNamespace:
         """Return the message; raises InvalidRequest for bytes that are none.
@@ -95,7 +121,7 @@ class RawReader(Generic[Message]):
         kind = self._kinds.get(len(data))
         # As one long number the bytes are compared in a single step.
         if kind is not None and int.from_bytes(data, "little") & kind.mask == kind.fixed:
-            return kind.plain.of(np.frombuffer(data, kind.record_type)[0])
+            return kind.read(data)
         self.ordinary += 1
         return self._learned(data)
 
@@ -114,11 +140,16 @@ class RawReader(Generic[Message]):
         truths = (leaf for leaf in layout.leaves if leaf.type_name == "bool")
         mask[[place for leaf in truths for place in _places(leaf, 1)]] = 0xFE
         as_number = int.from_bytes(mask.tobytes(), "little")
+        numbers = _numbers(layout, self._fields)
+        alone = sorted((one for one in numbers if one.count is None), key=attrgetter("offset"))
+        in_rows = [one for one in numbers if one.count is not None]
+        index = {one.field: place for place, one in enumerate((*alone, *in_rows))}
         kind = _Kind(
             as_number,
             int.from_bytes(data, "little") & as_number,
-            _record_type(layout, self._fields),
-            _part(message, "", self._fields),
+            _together(alone),
+            [(one.dtype, one.count or 0, one.offset) for one in in_rows],
+            _part(message, "", index),
         )
         if len(data) == layout.size and self._agrees(kind, data, message):
             if len(self._kinds) == _KINDS:
@@ -128,7 +159,7 @@ class RawReader(Generic[Message]):
 
     def _agrees(self, kind: "_Kind", data: bytes, message: Message) -> bool:
         """Return whether both ways read the same numbers; else every message goes the ordinary."""
-        plain = kind.plain.of(np.frombuffer(data, kind.record_type)[0])
+        plain = kind.read(data)
         return all(
             np.array_equal(np.asarray(read(plain)), np.asarray(read(message)), equal_nan=True)
             for read in map(attrgetter, self._fields)
@@ -139,40 +170,48 @@ class _Kind(NamedTuple):
     """Messages that differ in numbers only.
 
     mask, fixed  which bits are the same in all of them, and their values, as one long number
+    scalars      the numbers that stand alone: all at once, in numpy they would take far longer
+    arrays       type, length and place of the others
+    plain        takes both, in this order
     """
 
     mask: int
     fixed: int
-    record_type: np.dtype[np.void]
+    scalars: struct.Struct
+    arrays: Sequence[tuple[np.dtype[Any], int, int]]
     plain: "_Part"
+
+    def read(self, data: bytes) -> SimpleNamespace:
+        values: list[Any] = list(self.scalars.unpack_from(data))
+        values += [np.frombuffer(data, *array) for array in self.arrays]
+        return self.plain.of(values)
 
 
 class _Part(NamedTuple):
-    """How one message within a message becomes a plain object."""
+    """How one message within a message becomes a plain object; numbers by their index."""
 
     texts: Mapping[str, Any]
-    numbers: Sequence[tuple[str, str]]
+    numbers: Sequence[tuple[str, int]]
     parts: Sequence[tuple[str, "_Part"]]
 
-    def of(self, record: np.void) -> SimpleNamespace:
+    def of(self, values: Sequence[Any]) -> SimpleNamespace:
         plain = SimpleNamespace(**self.texts)
-        for name, field in self.numbers:
-            value = record[field]
-            # A number of numpy's overflows where one of Python's does not.
-            plain.__dict__[name] = value if isinstance(value, np.ndarray) else value.item()
+        attributes = plain.__dict__
+        for name, index in self.numbers:
+            attributes[name] = values[index]
         for name, part in self.parts:
-            plain.__dict__[name] = part.of(record)
+            attributes[name] = part.of(values)
         return plain
 
 
-def _part(message: Any, prefix: str, fields: Sequence[str]) -> _Part:
+def _part(message: Any, prefix: str, index: Mapping[str, int]) -> _Part:
     texts, numbers, parts = {}, [], []
     for name, type_name in message.get_fields_and_field_types().items():
         path = f"{prefix}{name}"
         if "/" in type_name:
-            parts.append((name, _part(getattr(message, name), f"{path}.", fields)))
-        elif path in fields:
-            numbers.append((name, path))
+            parts.append((name, _part(getattr(message, name), f"{path}.", index)))
+        elif path in index:
+            numbers.append((name, index[path]))
         elif "string" in type_name:
             texts[name] = getattr(message, name)
     return _Part(texts, numbers, parts)
@@ -193,23 +232,43 @@ def _installed_schema(name: str) -> Schema:
     return schema
 
 
-def _record_type(layout: Layout, fields: Sequence[str]) -> np.dtype[np.void]:
-    """Return the type of a record that lies over the whole message."""
+class _Number(NamedTuple):
+    """Where a number stands, or several one behind the other.
+
+    dtype, code  its type in numpy and in struct
+    count        None for one that stands alone
+    """
+
+    field: str
+    dtype: np.dtype[Any]
+    code: str
+    count: int | None
+    offset: int
+
+
+def _numbers(layout: Layout, fields: Sequence[str]) -> list[_Number]:
+    """Return where the fields stand, in their order; raises KeyError for one that is no number."""
     leaves = {leaf.path: leaf for leaf in layout.leaves if leaf.type_name in DTYPES}
-    chosen = [leaves[field] for field in fields]
     order = "<" if layout.little_endian else ">"
-    formats: list[Any] = []
-    for leaf in chosen:
-        number = np.dtype(order + DTYPES[leaf.type_name])
-        formats.append((number, leaf.sizes) if leaf.repeated else number)
-    return np.dtype(
-        {
-            "names": list(fields),
-            "formats": formats,
-            "offsets": [leaf.offsets[0] for leaf in chosen],
-            "itemsize": layout.size,
-        }
-    )
+    found = []
+    for field in fields:
+        leaf = leaves[field]
+        name = DTYPES[leaf.type_name]
+        count = leaf.sizes[0] if leaf.repeated else None
+        dtype = np.dtype(order + name)
+        found.append(_Number(field, dtype, order + _CODES[name], count, leaf.offsets[0]))
+    return found
+
+
+def _together(numbers: Sequence[_Number]) -> struct.Struct:
+    """Return what reads numbers that stand alone, from first to last, and skips what is between."""
+    order, end = "<", 0
+    parts = []
+    for number in numbers:
+        order, code = number.code
+        parts.append(f"{number.offset - end}x{code}")
+        end = number.offset + number.dtype.itemsize
+    return struct.Struct(order + "".join(parts))
 
 
 def _text_places(layout: Layout) -> set[int]:

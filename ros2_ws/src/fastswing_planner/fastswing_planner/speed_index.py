@@ -15,7 +15,7 @@ def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
 
     Raises StartEqualsEnd for a zero direction, which has no moment arm.
     """
-    norm = math.sqrt(direction.dot(direction))  # of short vectors half the time of @
+    norm = math.hypot(*direction.tolist())  # of short vectors a third of numpy's time
     if not norm > 0.0:
         raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
     # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
+from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.arrays import BoolVector, Vector, made_frozen
+from fastswing_planner.arrays import BoolVector, Vector, contiguous, made_frozen
 from fastswing_planner.errors import NotFinite, PlannerError, UnknownName, WrongLength
 from fastswing_planner.raw_messages import STAMP
 from fastswing_planner.swing_execution import JointMeasurement, MuscleMeasurement
@@ -25,14 +26,14 @@ class NamedColumns:
         self._kind = kind
         self._names = tuple(names)
         self._seen: Sequence[str] | None = None
-        self._index = np.zeros(0, dtype=int)
+        self._index: NDArray[np.int_] | slice = slice(0)
 
     def _look_up(self, names: Sequence[str]) -> None:
         for name in self._names:
             if names.count(name) != 1:
                 found = "is missing" if name not in names else "is named more than once"
                 raise UnknownName(f"{self._kind} '{name}' {found} in: {', '.join(names)}")
-        self._index = np.array([names.index(name) for name in self._names], dtype=int)
+        self._index = contiguous([names.index(name) for name in self._names])
         self._seen = list(names)
 
     def pick(self, what: str, names: Sequence[str], values: Sequence[float]) -> Vector:
@@ -44,7 +45,7 @@ class NamedColumns:
             self._look_up(names)
         if len(values) != len(names):
             raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
-        picked = np.asarray(values, dtype=float)[self._index]
+        picked = np.array(values, dtype=float)[self._index]
         # The product is quick, and finite unless numbers are huge, which then are looked at again.
         if not math.isfinite(picked.dot(picked)) and not np.isfinite(picked).all():
             bad = int(np.flatnonzero(~np.isfinite(picked))[0])

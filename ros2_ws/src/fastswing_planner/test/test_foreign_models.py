@@ -72,7 +72,7 @@ class Arm:
         joints = [self.mjcf.joint(name).id for name in self.model.joint_names]
         data = mujoco.MjData(self.mjcf)
         coupling = JointCoupling(self.mjcf, joints, np.zeros(self.mjcf.nq))
-        coupling.set_positions(data, posture)
+        coupling.set_positions(data.qpos, posture)
         mujoco.mj_forward(self.mjcf, data)
         return data
 

@@ -61,12 +61,12 @@ def positions(
 ) -> Vector:
     """Return the angles of all four joints."""
     data = mujoco.MjData(model)
-    coupling(model, joints, **more).set_positions(data, np.array(angles))
+    coupling(model, joints, **more).set_positions(data.qpos, np.array(angles))
     return np.array(data.qpos)
 
 
 def rates(model: mujoco.MjModel, joints: str, angles: list[float]) -> Matrix:
-    return coupling(model, joints).set_positions(mujoco.MjData(model), np.array(angles))
+    return coupling(model, joints).set_positions(mujoco.MjData(model).qpos, np.array(angles))
 
 
 def refusal(model: mujoco.MjModel, joints: str) -> str:
@@ -80,7 +80,7 @@ def refusal(model: mujoco.MjModel, joints: str) -> str:
 def test_followers_satisfy_mujocos_own_constraints(first: float, second: float) -> None:
     model = chain(B_LEADS_C_LEADS_D)
     data = mujoco.MjData(model)
-    coupling(model, "ab").set_positions(data, np.array([first, second]))
+    coupling(model, "ab").set_positions(data.qpos, np.array([first, second]))
     mujoco.mj_forward(model, data)
     assert data.efc_pos.tolist() == pytest.approx([0.0, 0.0], abs=1e-12)
 
