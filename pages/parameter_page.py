@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from fastswing_planner.managed_node import AUTOSTART
+from fastswing_planner.managed_node import EVERY_NODE
 from fastswing_planner.parameters import Parameter
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"
@@ -23,7 +23,9 @@ description in the table.
 Each parameter is set at the start, `--ros-args -p NAME:=VALUE`, in a YAML file, or by a launch
 argument. A value outside its range is refused with the range. "when configured" takes effect only
 then: deactivate and clean up the node first, or start it again. "any time" takes effect at once,
-`ros2 param set /NODE NAME VALUE`.
+`ros2 param set /NODE NAME VALUE`. Numbers whose default has a decimal point need one. The launch
+files give the bridge a file, `bridge_config:=FILE`; a copy of `config/bridge.yaml` is a beginning.
+A misspelt name is refused; another unknown name is a warning, as one file may serve all nodes.
 
 The faults of boards named here: [board_protocol.md](board_protocol.md#faults).
 """
@@ -53,7 +55,7 @@ def declared_tables() -> list[NodeTable]:
         rows: Sequence[Parameter] = getattr(import_module(module_name), "TABLE", ())
         if rows:
             package = module_name.partition(".")[0]
-            tables.append(NodeTable(name, package, (AUTOSTART, *rows)))
+            tables.append(NodeTable(name, package, (*EVERY_NODE, *rows)))
     return tables
 
 
@@ -63,7 +65,8 @@ def _shown(value: object) -> str:
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     if isinstance(value, float):
-        return f"`{value:g}`"
+        text = f"{value:g}"
+        return f"`{text}`" if "." in text else f"`{text}.0`"
     return f"`{value}`" if value != "" else "empty"
 
 

@@ -140,6 +140,12 @@ def test_a_busy_udp_port_is_told(world: "Suite") -> None:
     assert f"cannot activate: bus_url '{url}': {text}" in line
 
 
+@pytest.mark.parametrize(("name", "meant"), [("read_ony", "read_only"), ("bus_ulr", "bus_url")])
+def test_a_misspelt_parameter_is_refused(world: "Suite", name: str, meant: str) -> None:
+    line = only_line(world, "bridge", **{name: True})
+    assert line == f"cannot start: unknown parameter '{name}', did you mean '{meant}'?"
+
+
 # Nothing is energised.
 
 

@@ -11,6 +11,7 @@ from builtin_interfaces.msg import Duration
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.publisher import Publisher
+from std_srvs.srv import Trigger
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, LengthCommand, MuscleState
@@ -71,6 +72,15 @@ def test_after_an_emergency_stop_the_muscles_stay_without_current(holding: "Suit
     holding.wait_for_modes(MuscleState.MODE_ZERO_CURRENT)
     holding.let_states_pass()
     assert set(holding.fresh_muscles().mode) == {MuscleState.MODE_ZERO_CURRENT}
+
+
+def test_nothing_can_be_held_under_an_emergency_stop(holding: "Suite") -> None:
+    holding.trigger("emergency_stop")
+    answer = holding.ask(Trigger, "hold_posture", Trigger.Request())
+    assert (answer.success, answer.message) == (
+        False,
+        "emergency stop: no muscle holds anything until clear_faults",
+    )
 
 
 def test_clear_faults_ends_an_emergency_stop(holding: "Suite") -> None:
@@ -287,6 +297,19 @@ def test_an_emergency_stop_during_the_raise_ends_without_current(raising: Raisin
     raising.suite.trigger("clear_faults")
     raising.suite.wait_for_modes(MuscleState.MODE_LENGTH)
     assert modes == {MuscleState.MODE_ZERO_CURRENT}
+
+
+def test_a_swing_that_an_emergency_stop_ends_does_not_say_that_the_arm_is_held(
+    raising: Raising,
+) -> None:
+    raising.suite.trigger("emergency_stop")
+    text = raising.cancel().result.error_string
+    raising.suite.trigger("clear_faults")
+    raising.suite.wait_for_modes(MuscleState.MODE_LENGTH)
+    assert text.endswith(
+        "the bridge does not hold the arm: "
+        "emergency stop: no muscle holds anything until clear_faults"
+    )
 
 
 # Lifecycle at run time.

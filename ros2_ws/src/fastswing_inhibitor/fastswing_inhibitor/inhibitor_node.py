@@ -35,6 +35,7 @@ from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.state_conversion import JointStateReader, RejectionCounter
 
+_MORE_RELEASES = 2
 _DEFAULTS = InhibitionSettings()
 
 _REASON_TEXTS = {
@@ -138,6 +139,8 @@ class InhibitorNode(ManagedNode):
         self._rejected = RejectionCounter()
         self._states = 0
         self._last_end = ""
+        self._release: CurrentOverride | None = None
+        self._releases = 0
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot."""
@@ -224,14 +227,14 @@ class InhibitorNode(ManagedNode):
         except PlannerError as error:
             self._reject(error, now)
             return
-        going_on = decision.reason is Reason.NONE
-        messages = self._at_rate if going_on else self._messages
-        self._override.publish(messages.override(header, decision))
+        if decision.reason is Reason.NONE:
+            self._override.publish(self._at_rate.override(header, decision))
+            self._latency.add(self.age(header.stamp))
+            self._status.publish(self._at_rate.status(header, decision))
+            return
+        self._publish_release(header)
         self._latency.add(self.age(header.stamp))
-        if going_on:
-            self._status.publish(messages.status(header, decision))
-        else:
-            self._tell_end(header)
+        self._tell_end(header)
 
     def _reject(self, error: PlannerError, now: float) -> None:
         self._rejected.count(error)
@@ -242,6 +245,9 @@ class InhibitorNode(ManagedNode):
 
     def _on_watch(self) -> None:
         if not self._inhibition.armed:
+            if self._releases and self._release is not None:
+                self._releases -= 1
+                self._override.publish(self._release)
             return
         self._inhibition.watch(self.monotonic())
         if not self._inhibition.armed:
@@ -254,8 +260,14 @@ class InhibitorNode(ManagedNode):
 
     def _publish_end(self) -> None:
         header = self._header_of_now()
-        self._override.publish(self._messages.override(header, self._inhibition.nothing()))
+        self._publish_release(header)
         self._tell_end(header)
+
+    def _publish_release(self, header: Header | SimpleNamespace) -> None:
+        """Let go of no muscle any more; again later, as nothing else follows if it is lost."""
+        self._release = self._messages.override(header, self._inhibition.nothing())
+        self._releases = _MORE_RELEASES
+        self._override.publish(self._release)
 
     def _tell_end(self, header: Header | SimpleNamespace) -> None:
         self._publish_resting_status(header)
@@ -297,6 +309,7 @@ class InhibitorNode(ManagedNode):
             response.error_code = error_code(error)
             response.error_string = str(error)
             return response
+        self._releases = 0
         self._publish_resting_status(self._header_of_now())
         self.get_logger().info(f"armed for at most {arming.time_limit:g} s")
         response.error_code = ErrorCode.SUCCESS

@@ -261,7 +261,7 @@ class ExecutorNode(ManagedNode):
     def _on_joints(self, received: JointState | bytes) -> None:
         try:
             message = self._raw_joints.read(received) if self._raw else received
-            self._joints = self._joint_reader.read(message, self.monotonic())
+            self._joints = self._joint_reader.read(message, self._made(message))
         except InvalidRequest as error:
             self._rejected.count(error)
             return
@@ -272,7 +272,7 @@ class ExecutorNode(ManagedNode):
     def _on_muscles(self, received: MuscleState | bytes) -> None:
         try:
             message = self._raw_muscles.read(received) if self._raw else received
-            self._muscles = self._muscle_reader.read(message, self.monotonic())
+            self._muscles = self._muscle_reader.read(message, self._made(message))
         except InvalidRequest as error:
             self._rejected.count(error)
             return
@@ -282,11 +282,16 @@ class ExecutorNode(ManagedNode):
     def _on_inhibition(self, message: InhibitionStatus) -> None:
         if self._goal is not None:
             reached = message.reason == InhibitionStatus.REASON_GOAL_REACHED
-            # Not its receipt: a node that stood still reads old reports in a row.
-            made = self.monotonic() - max(self.age(message.header.stamp), 0.0)
             self._goal.add_inhibition(
-                InhibitionReport(made, message.armed, reached, message.reason_text)
+                InhibitionReport(self._made(message), message.armed, reached, message.reason_text)
             )
+
+    def _made(self, message: Any) -> float:
+        """Return when a message was made [s], monotonic.
+
+        Not its receipt: what waited in a network, or while this node stood still, comes in a row.
+        """
+        return self.monotonic() - max(self.age(message.header.stamp), 0.0)
 
     def _on_length_command(self, message: LengthCommand) -> None:
         if self._goal is not None and not self._links.is_own(message):
@@ -384,6 +389,9 @@ class ExecutorNode(ManagedNode):
         if self._goal is not None and self._goal.stopping:
             phase = "stopping"
         values: dict[str, object] = {"phase": phase}
+        for what, state in (("joint", self._joints), ("muscle", self._muscles)):
+            if state is not None:
+                values[f"{what}_state_age_ms"] = f"{1e3 * (self.monotonic() - state.time):.1f}"
         values |= {f"ended_{name}": count for name, count in self._outcomes.items()}
         values |= self._rejected.counts
         if self._rejected.last:

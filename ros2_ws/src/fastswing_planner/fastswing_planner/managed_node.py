@@ -6,6 +6,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from types import FrameType
 from typing import Any
 
@@ -21,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.parameters import Parameter, check_all
+from fastswing_planner.parameters import InvalidParameter, Parameter, check_all
 from fastswing_planner.real_time import (
     REAL_TIME,
     ask_for_real_time,
@@ -56,6 +57,7 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 # Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others
 # take its port for the dead one's and remove it, and no emergency stop arrives any more.
 _TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+_NEARLY = 0.8  # of difflib's similarity; parameters of different nodes are below
 _SPIN_SLICE_SEC = 0.1
 _LAST_WORDS_SEC = 0.2
 _DIAGNOSTICS_PERIOD_SEC = 1.0
@@ -71,7 +73,11 @@ class ManagedNode(LifecycleNode):
     """
 
     def __init__(self, name: str, table: Sequence[Parameter]) -> None:
-        """Declare `table`; raises InvalidParameterTypeException for an override of other type."""
+        """Declare `table`.
+
+        Raises InvalidParameterTypeException for an override of other type, InvalidParameter for one
+        that is nearly the name of a parameter.
+        """
         super().__init__(name)
         self.is_active = False
         self.asked_to_end: Callable[[], bool] = lambda: False
@@ -90,6 +96,7 @@ class ManagedNode(LifecycleNode):
                     dynamic_typing=isinstance(row.default, list),
                 ),
             )
+        self._judge_names()
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self.guarded(self._apply_parameters))
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
@@ -132,6 +139,21 @@ class ManagedNode(LifecycleNode):
         return check_all(
             self._table, {row.name: self.get_parameter(row.name).value for row in self._table}
         )
+
+    def _judge_names(self) -> None:
+        """Refuse what is misspelt: `read_ony` must not energise the arm.
+
+        Other unknown names are no error in ROS: one file may serve all nodes.
+        """
+        known = [row.name for row in self._table]
+        for name in self._parameter_overrides:  # rclpy offers no public way to see them
+            if self.has_parameter(name) or name.startswith("qos_overrides."):
+                continue
+            if close := get_close_matches(name, known, 1, _NEARLY):
+                raise InvalidParameter(f"unknown parameter '{name}', did you mean '{close[0]}'?")
+            self.get_logger().warning(
+                f"unknown parameter '{name}' is ignored, choose from: {', '.join(known)}"
+            )
 
     def _judge_parameters(self, changes: list[RosParameter]) -> SetParametersResult:
         rows = {row.name: row for row in self._table}
@@ -280,7 +302,10 @@ class ManagedNode(LifecycleNode):
         """Publish this node's status in the standard form."""
         level, summary, values = self.diagnose()
         if self._callback_errors:
-            level, summary = DiagnosticStatus.ERROR, "defect in a callback, see the log"
+            defect = "defect in a callback, see the log"
+            # What the node says of the robot is more urgent than what is wrong with the node.
+            summary = defect if level == DiagnosticStatus.OK else f"{summary}; {defect}"
+            level = DiagnosticStatus.ERROR
         elif self._not_granted and level == DiagnosticStatus.OK:
             level, summary = DiagnosticStatus.WARN, "; ".join(self._not_granted)
         values = {"active": self.is_active, "callback_errors": self._callback_errors, **values}

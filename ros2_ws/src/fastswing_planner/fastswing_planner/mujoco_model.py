@@ -82,7 +82,8 @@ class MujocoMuscleModel:
         self._dofs = contiguous(model.jnt_dofadr[joints])
         # Views of MuJoCo's memory: looked up once.
         self._qpos, self._path_length = self._data.qpos, self._data.ten_length
-        self._sparse_arms = self._data.ten_J
+        # A model whose tendons move nothing has no element at all; one is taken in any case.
+        self._sparse_arms = self._data.ten_J if self._data.ten_J.size else np.zeros(1)
         reference = reference_position(model, keyframe)
         self._coupling = JointCoupling(model, joints, reference)
         places = sparse_places(model)[self._tendons]
@@ -134,10 +135,13 @@ class MujocoMuscleModel:
     def jacobian(self, joint_position: Vector) -> Matrix:
         """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
-        arms, present = self._sparse_arms.take(self._places), self._present
+        arms = self._sparse_arms.take(self._places)
         if self._coupling.followers:
-            arms, present = np.where(present, arms, 0.0) @ rates, np.True_
-        return made_frozen(np.where(present & (np.abs(arms) >= _SMALLEST_ARM), arms, 0.0))
+            arms = np.where(self._present, arms, 0.0) @ rates
+            moves = ~(np.abs(arms) < _SMALLEST_ARM)
+        else:
+            moves = self._present & ~(np.abs(arms) < _SMALLEST_ARM)
+        return made_frozen(np.where(moves, arms, 0.0))
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

@@ -68,9 +68,9 @@ class MessageTemplate:
         self._places = [self._place(number) for number in _numbers(layout, fields)]
 
     def _place(self, number: "_Number") -> "_Scalar | npt.NDArray[Any]":
-        if number.count is None:
+        if number.length is None:
             return _Scalar(struct.Struct(number.code).pack_into, number.offset)
-        return np.frombuffer(self._buffer, number.dtype, number.count, number.offset)
+        return np.frombuffer(self._buffer, number.dtype, number.length, number.offset)
 
     def filled(self, *values: Any) -> bytes:
         """Return the message with `values`, one for each of the fields, in their order.
@@ -141,14 +141,14 @@ class RawReader(Generic[Message]):
         mask[[place for leaf in truths for place in _places(leaf, 1)]] = 0xFE
         as_number = int.from_bytes(mask.tobytes(), "little")
         numbers = _numbers(layout, self._fields)
-        alone = sorted((one for one in numbers if one.count is None), key=attrgetter("offset"))
-        in_rows = [one for one in numbers if one.count is not None]
+        alone = sorted((one for one in numbers if one.length is None), key=attrgetter("offset"))
+        in_rows = [one for one in numbers if one.length is not None]
         index = {one.field: place for place, one in enumerate((*alone, *in_rows))}
         kind = _Kind(
             as_number,
             int.from_bytes(data, "little") & as_number,
             _together(alone),
-            [(one.dtype, one.count or 0, one.offset) for one in in_rows],
+            [(one.dtype, one.length or 0, one.offset) for one in in_rows],
             _part(message, "", index),
         )
         if len(data) == layout.size and self._agrees(kind, data, message):
@@ -236,13 +236,13 @@ class _Number(NamedTuple):
     """Where a number stands, or several one behind the other.
 
     dtype, code  its type in numpy and in struct
-    count        None for one that stands alone
+    length       None for one that stands alone
     """
 
     field: str
     dtype: np.dtype[Any]
     code: str
-    count: int | None
+    length: int | None
     offset: int
 
 
@@ -265,8 +265,8 @@ def _together(numbers: Sequence[_Number]) -> struct.Struct:
     order, end = "<", 0
     parts = []
     for number in numbers:
-        order, code = number.code
-        parts.append(f"{number.offset - end}x{code}")
+        order = number.code[0]
+        parts.append(f"{number.offset - end}x{number.code[1]}")
         end = number.offset + number.dtype.itemsize
     return struct.Struct(order + "".join(parts))
 

@@ -75,7 +75,7 @@ class JointStateReader:
 class MuscleStateReader:
     """Reads `fastswing_msgs/MuscleState`."""
 
-    NUMBERS = ("length", "velocity", "tension", "mode", "fault", "holds")
+    NUMBERS = (*STAMP, "length", "velocity", "tension", "mode", "fault", "holds")
     """What a RawReader has to read for it."""
 
     def __init__(self, muscle_names: Sequence[str]) -> None:

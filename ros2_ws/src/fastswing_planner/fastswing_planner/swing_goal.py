@@ -344,6 +344,9 @@ class SwingGoal:
             return "; hold_posture is missing: is the bridge active?"
         if not self._holding.done():
             return "; the bridge did not confirm that it holds the arm"
+        answer = self._holding.result()
+        if not answer.success:
+            return f"; the bridge does not hold the arm: {answer.message}"
         if not all(call.done() for call in self._disarming):
             return "; the inhibitor did not confirm that it is disarmed"
         loose = () if self._muscles is None else _not_held(self._muscles)

@@ -308,6 +308,22 @@ def test_a_model_without_tendons_is_refused() -> None:
     assert str(caught.value) == "the MJCF has no tendons: give each muscle a <tendon>"
 
 
+def test_a_model_whose_tendons_move_nothing_is_refused() -> None:
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><site name='a'/><site name='b' pos='1 0 0'/><body><joint name='j'/>"
+        "<geom size='0.1'/></body></worldbody><tendon><spatial name='m'><site site='a'/>"
+        "<site site='b'/></spatial></tendon></mujoco>"
+    )
+    with pytest.raises(RobotDescriptionError):
+        MujocoMuscleModel(model, ("j",), ("m",))
+
+
+def test_a_posture_that_is_no_number_has_no_moment_arms(musashi: Robot) -> None:
+    nowhere = np.full(len(musashi.model.joint_names), np.nan)
+    arms = musashi.model.jacobian(nowhere)
+    assert np.isnan(arms).any()
+
+
 def test_no_joint_is_no_arm() -> None:
     assert two_link_refusal(joints=()) == "no joint is chosen: name at least one"
 

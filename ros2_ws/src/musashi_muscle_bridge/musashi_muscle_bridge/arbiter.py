@@ -79,6 +79,7 @@ class CommandArbiter:
         self._faulty = np.zeros(count, dtype=bool)
         self._kept = np.zeros(count, dtype=bool)
         self._some_kept = False
+        self._forgotten_until = np.full(count, -np.inf)  # [s] commands made before say nothing
         self._now = -np.inf
         self._at_target = False  # every muscle was sent its latched length, by the last update
         self._sent: Setpoints | None = None  # what stays valid until the next length command
@@ -86,14 +87,22 @@ class CommandArbiter:
         self._all_length.setflags(write=False)
         self.emergency = False
         self.clamped = 0
+        self.outdated = 0
 
     # Commands.
 
     def command(self, mode: Mode, index: Sequence[int] | slice, values: Vector, now: float) -> None:
-        """Take a checked length [m], tension [N] or current [A] command for some muscles."""
+        """Take a checked length [m], tension [N] or current [A] command for some muscles.
+
+        now  when it was made: one from before a hold, or before faults were cleared, may come after
+             it, and is counted as outdated
+        """
         chosen = index if isinstance(index, slice) else np.asarray(index, dtype=int)
-        if self._some_kept:
-            free = ~self._kept[chosen]
+        outdated = now < self._forgotten_until[chosen]
+        too_late = int(np.count_nonzero(outdated))
+        self.outdated += too_late
+        if too_late or self._some_kept:
+            free = ~(outdated | self._kept[chosen])
             chosen, values = np.arange(self._kept.size)[chosen][free], values[free]
         if mode is not Mode.LENGTH:
             self._at_target = False
@@ -147,21 +156,26 @@ class CommandArbiter:
         self._some_kept = True
         self.hold(np.flatnonzero(new))
 
-    def hold(self, index: NDArray[np.intp] | slice = _ALL) -> None:
-        """Forget the commands of some muscles: they hold their measured length."""
+    def hold(self, index: NDArray[np.intp] | slice = _ALL, now: float | None = None) -> None:
+        """Forget the commands of some muscles: they hold their measured length.
+
+        now  what was commanded before it is forgotten even if it comes later; None: the last update
+        """
+        now = self._now if now is None else now
         self._at_target = False
+        self._forgotten_until[index] = np.maximum(self._forgotten_until[index], now)
         self._target[index] = np.nan
         self._active[index] = np.nan
         for _, received in self._stream.values():
             received[index] = -np.inf
 
-    def clear_faults(self) -> None:
-        """End the emergency stop; afterwards every muscle holds its measured length."""
+    def clear_faults(self, now: float | None = None) -> None:
+        """End the emergency stop; afterwards every muscle holds its measured length; see `hold`."""
         self.emergency = False
         self._faulty[:] = False
         self._kept[:] = False
         self._some_kept = False
-        self.hold()
+        self.hold(now=now)
 
     @property
     def latched(self) -> BoolVector:

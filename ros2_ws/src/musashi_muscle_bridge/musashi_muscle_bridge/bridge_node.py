@@ -55,11 +55,13 @@ _COMMANDS = {
     Mode.CURRENT: (CurrentCommand, "current_command", "current"),
 }
 _OVERRIDE = "current_override"
-# The next one comes before a lost one could be repeated, and without answers it comes sooner.
+# The next one comes before a lost one could be repeated, and sooner without the middleware's
+# answers; the inhibitor says more than once that it lets no muscle go any more.
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _DEAD = "the control process died, see the log: nothing is sent, the boards' watchdog acts"
 _SWITCH_INTERVAL_SEC = 1e-4
 _CLOCK_READINGS, _CLOCK_READING_NS = 5, 50_000
+_FAULTS = "faults, latched until clear_faults: {}"
 _HEARTBEATS = 10
 """In the time after which the control process stops without one."""
 _FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
@@ -154,6 +156,7 @@ class BridgeNode(ManagedNode):
         self._counts: dict[str, int] = {}  # of commands, by what was wrong with them
         self._last_rejection = ""
         self._measured: Measurement | None = None  # the newest
+        self._logged_faults = ""
         self._holds = 0  # so that a running swing notices that somebody holds the arm
         self._emergency_latched = False  # over a deactivation
         self._inputs: list[Any] = []
@@ -239,6 +242,8 @@ class BridgeNode(ManagedNode):
         self.destroy_publisher(self._joint_state)
 
     def _beat(self) -> None:
+        if self._measured is not None:
+            self._log_new_faults(self._measured)
         if self._emergency_latched and not self._loop.status.report.emergency:
             self._loop.order(EmergencyStop())  # until it is known to be obeyed
         elif self._loop.answers:
@@ -303,35 +308,40 @@ class BridgeNode(ManagedNode):
             raise CommandRejected("lost", "the control process takes no orders")
 
     def _answer(
-        self, action: Callable[[], bool], text: str
+        self, action: Callable[[], str], text: str
     ) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def serve(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            response.success = action()
-            response.message = text if response.success else self._failure()
+            failure = action()
+            response.success, response.message = not failure, failure or text
             self.get_logger().warning(response.message)
             return response
 
         return serve
 
-    def _emergency_stop(self) -> bool:
+    # What the services do; each returns why it did not, or nothing.
+
+    def _emergency_stop(self) -> str:
         self._emergency_latched = True
-        return self._loop.order(EmergencyStop()) and self._loop.answers
+        stops = self._loop.order(EmergencyStop()) and self._loop.answers
+        return "" if stops else self._failure()
 
-    def _clear_faults(self) -> bool:
-        if not self._obeys(ClearFaults()):
-            return False
-        self._emergency_latched = False
-        return True
+    def _clear_faults(self) -> str:
+        failure = self._give(ClearFaults(self.monotonic()))
+        self._emergency_latched &= bool(failure)
+        return failure
 
-    def _hold(self) -> bool:
-        return self._obeys(Hold())
+    def _hold(self) -> str:
+        failure = self._give(Hold(self.monotonic()))
+        if not failure and self._emergency_latched:
+            return "emergency stop: no muscle holds anything until clear_faults"
+        return failure
 
-    def _obeys(self, order: Order) -> bool:
-        """Whether an order that must not come late went to a process that goes on."""
+    def _give(self, order: Order) -> str:
+        """Send an order that must not come late, if the control process goes on."""
         if not self._loop.answers or not self._loop.order(order):
-            return False
+            return self._failure()
         self._holds += 1
-        return True
+        return ""
 
     def _failure(self) -> str:
         if self._loop.alive:
@@ -366,6 +376,8 @@ class BridgeNode(ManagedNode):
     def diagnose(self) -> tuple[bytes, str, dict[str, object]]:
         """Report bus, timing, overrides, rejections, faults and foreign writers."""
         if not self.is_active:
+            if self._emergency_latched:
+                return DiagnosticStatus.WARN, "inactive; emergency stop until clear_faults", {}
             return DiagnosticStatus.OK, "inactive", {}
         status = self._loop.status
         report = status.report
@@ -374,6 +386,7 @@ class BridgeNode(ManagedNode):
             "emergency_stop": report.emergency,
             "overridden": self._named(report.overridden),
             "clamped": report.clamped,
+            "outdated": report.outdated,
             "latched": self._named(report.latched),
             "rebooted": self._named(report.rebooted),
             "lost": self._named(report.lost),
@@ -391,16 +404,24 @@ class BridgeNode(ManagedNode):
         measured = self._measured
         if measured is None:
             return {"faults": "", "slack": "", "refused_by_boards": 0}
-        faults = [
-            f"{name} {_FAULT_NAMES.get(number, f'fault {number}')}"
-            for name, number in zip(self._names, reported_faults(measured).tolist(), strict=True)
-            if number
-        ]
         return {
-            "faults": ", ".join(faults),
+            "faults": self._fault_text(measured),
             "slack": self._named(slack(measured.state)),
             "refused_by_boards": int(measured.state.rows["refused"].max(initial=0)),
         }
+
+    def _fault_text(self, measured: Measurement) -> str:
+        return ", ".join(
+            f"{name} {_FAULT_NAMES.get(number, f'fault {number}')}"
+            for name, number in zip(self._names, reported_faults(measured).tolist(), strict=True)
+            if number
+        )
+
+    def _log_new_faults(self, measured: Measurement) -> None:
+        text = self._fault_text(measured)
+        if text and text != self._logged_faults:
+            self.get_logger().error(_FAULTS.format(text))
+        self._logged_faults = text
 
     def _problems(self, values: Mapping[str, object]) -> Iterator[tuple[object, bytes, str]]:
         """Yield what can be wrong, the worst first: whether it is, its level and its text."""
@@ -414,8 +435,8 @@ class BridgeNode(ManagedNode):
         yield silent, error, f"the boards do not answer{where}"
         for key, text in (
             ("rebooted", "boards started again, at zero current until clear_faults: {}"),
+            ("faults", _FAULTS),
             ("latched", "latched until clear_faults: {}"),
-            ("faults", "faults: {}"),
             ("emergency_stop", "emergency stop, see clear_faults"),
         ):
             yield values[key], error, text.format(values[key])

@@ -39,6 +39,7 @@ _SPIN_SEC = 0.005
 _TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 _FIRST_STATES_SEC = 10.0
 _STALE_SEC = 0.5
+_BLIND_SEC = 0.1  # of a pull; the bridge's own limits of a current hold meanwhile
 _SETTLE_STATES = 20  # what waited while the person read is old
 _SKIPPED = "skipped"
 
@@ -79,11 +80,16 @@ class Calibrator:
     def fresh(self, patience: float = _STALE_SEC) -> MuscleState:
         """Return states that were measured just now.
 
-        Raises StaleState if none come within `patience` [s], NotReady for a fault or if somebody
-        else commands currents.
+        Raises StaleState if none come within `patience` [s], NotReady for a fault, for muscles that
+        do not hold a length by then, or if somebody else commands currents.
         """
         self._states, self._seen = 0, time.monotonic()
-        while self._states < _SETTLE_STATES or self._posture is None:
+        begin = self._seen
+        while (
+            self._states < _SETTLE_STATES
+            or self._posture is None
+            or (self._not_held() and time.monotonic() < begin + patience)
+        ):
             self._executor.spin_once(timeout_sec=_SPIN_SEC)
             self._refuse_silence(patience)
         assert self._muscles is not None
@@ -98,9 +104,20 @@ class Calibrator:
             raise NotReady(
                 f"faulty muscles: {', '.join(faulty)}; find the cause, then clear_faults"
             )
+        if loose := self._not_held():
+            raise NotReady(
+                f"muscles that do not hold a length: {', '.join(loose)}; end an emergency stop "
+                "with clear_faults, or what else drives them"
+            )
         if self._node.count_publishers("current_command") > 1:
             raise NotReady("somebody else publishes current_command: end it first")
         return self._muscles
+
+    def _not_held(self) -> list[str]:
+        if self._muscles is None:
+            return []
+        modes = zip(self._muscles.name, self._muscles.mode, strict=True)
+        return [name for name, mode in modes if mode != MuscleState.MODE_LENGTH]
 
     def _refuse_silence(self, patience: float) -> None:
         silence = time.monotonic() - self._seen
@@ -129,7 +146,7 @@ class Calibrator:
             command = CurrentCommand(header=Header(stamp=stamp), name=[name], current=[current])
             self._commands.publish(command)
             self._executor.spin_once(timeout_sec=_SPIN_SEC)
-            self._refuse_silence(_STALE_SEC)
+            self._refuse_silence(_BLIND_SEC)
             assert self._muscles is not None
             current = pull.step(_reading(self._muscles, index))
         return pull

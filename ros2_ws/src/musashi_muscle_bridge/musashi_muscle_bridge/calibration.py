@@ -16,6 +16,7 @@ class Verdict(Enum):
     NO_TENSION = "the wire shortened without tension: it is slack or broken"
     UNCLEAR = "too little changed to tell: a larger current, or a blocked spool"
     NOT_FOLLOWED = "the board did not follow the current: is the bridge read-only?"
+    INTERRUPTED = "somebody ended the pull: an emergency stop, a hold, an override?"
     FAULT = "a board reported a fault: see muscle_state"
 
 
@@ -82,6 +83,8 @@ class Pull:
         too_far = abs(self.shortening) > settings.most_travel
         if reading.fault:
             self.verdict = Verdict.FAULT
+        elif self._followed and not reading.follows:
+            self.verdict = Verdict.INTERRUPTED
         elif too_far or elapsed > settings.ramp_time + settings.hold_time:
             self.verdict = self._judged()
         if self.verdict is not None:

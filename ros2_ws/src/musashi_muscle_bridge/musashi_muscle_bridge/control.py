@@ -81,6 +81,7 @@ class ControlReport(NamedTuple):
     rebooted: BoolVector
     lost: BoolVector
     clamped: int
+    outdated: int
 
 
 class ControlPeriod:
@@ -127,11 +128,14 @@ class ControlPeriod:
         """Muscles whose group fell silent since faults were last cleared, shape (m,)."""
         return self._whole([np.full(group.muscles.size, group.lost) for group in self.groups])
 
-    def clear_faults(self) -> None:
-        """Clear the boards' faults and the emergency stop; the muscles then hold."""
+    def clear_faults(self, now: float | None = None) -> None:
+        """Clear the boards' faults and the emergency stop; the muscles then hold.
+
+        now  [s] what was commanded before it is forgotten; None: the last command's time
+        """
         for group in self.groups:
             group.clear_faults()
-        self.arbiter.clear_faults()
+        self.arbiter.clear_faults(now)
 
     def report(self, now: float) -> ControlReport:
         """Return a copy of what the diagnostics tell."""
@@ -143,6 +147,7 @@ class ControlPeriod:
             self.rebooted,
             self.lost,
             arbiter.clamped,
+            arbiter.outdated,
         )
 
     # The robot with one group of boards.

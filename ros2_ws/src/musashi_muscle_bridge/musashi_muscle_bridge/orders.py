@@ -60,20 +60,24 @@ class EmergencyStop:
 
 @dataclass(frozen=True)
 class ClearFaults:
-    """Clear the boards' faults and the emergency stop."""
+    """Clear the boards' faults and the emergency stop; commands from before `made` [s] are over."""
+
+    made: float
 
     def carry_out(self, control: ControlPeriod) -> None:
         """Clear."""
-        control.clear_faults()
+        control.clear_faults(self.made)
 
 
 @dataclass(frozen=True)
 class Hold:
-    """Hold the measured lengths."""
+    """Hold the measured lengths; commands from before `made` [s], monotonic, are over."""
+
+    made: float
 
     def carry_out(self, control: ControlPeriod) -> None:
         """Hold."""
-        control.arbiter.hold()
+        control.arbiter.hold(now=self.made)
 
 
 @dataclass(frozen=True)

@@ -47,9 +47,11 @@ class Bench:
     length: list[float] = field(default_factory=lambda: [0.3, 0.3, 0.3])
     tension: list[float] = field(default_factory=lambda: [20.0, 20.0, 20.0])
 
-    def command(self, mode: Mode, *values: float, index: list[int] | None = None) -> None:
+    def command(
+        self, mode: Mode, *values: float, index: list[int] | None = None, age: float = 0.0
+    ) -> None:
         chosen = list(range(len(values))) if index is None else index
-        self.arbiter.command(mode, chosen, frozen(values), self.now)
+        self.arbiter.command(mode, chosen, frozen(values), self.now - age)
 
     def override(self, *index: int, lease: float = 0.05) -> None:
         self.arbiter.override(index, lease, self.now)
@@ -582,12 +584,27 @@ def test_a_measurement_that_is_not_finite_latches_its_muscle_alone(
     assert bench.update().mode.tolist() == [Mode.ZERO_CURRENT, Mode.LENGTH, Mode.LENGTH]
 
 
+@pytest.mark.parametrize("mode", [Mode.LENGTH, Mode.TENSION, Mode.CURRENT])
+@pytest.mark.parametrize("forget", ["hold", "clear_faults"])
+def test_a_command_from_before_that_comes_after_moves_nothing(
+    posed: Bench, mode: Mode, forget: str
+) -> None:
+    getattr(posed.arbiter, forget)(now=posed.now)
+    held = posed.update().value.tolist()
+    posed.command(mode, 0.2, 0.2, 0.2, age=0.05)
+    told = posed.settle()
+    assert told.mode.tolist() == [Mode.LENGTH] * 3
+    assert told.value.tolist() == held
+    assert posed.arbiter.outdated == 3
+
+
 # Any order of events.
 
 muscles = st.lists(st.integers(0, 2), unique=True, max_size=3)
 measured = st.lists(st.floats(LENGTH_MIN, LENGTH_MAX), min_size=3, max_size=3)
 forces = st.lists(st.floats(0.0, 400.0), min_size=3, max_size=3)
 asked = st.lists(st.floats(-1000.0, 1000.0), min_size=3, max_size=3)
+ages = st.sampled_from([0.0, 0.0, 0.001, 0.02, 0.5])
 steps = st.sampled_from([0.0, 0.002, PERIOD, 0.05, 0.3, 3600.0, -0.002, -0.3, -3600.0])
 seldom: st.SearchStrategy[list[int]] = st.one_of(st.just([]), st.just([]), st.just([]), muscles)
 
@@ -597,6 +614,7 @@ class AnyOrderOfEvents(RuleBasedStateMachine):
 
     until       end of each muscle's lease, streams: of the last command in each mode
     forgotten   lengths commanded before the last stop, fault, hold or end of a stream
+    since       when each muscle's commands were forgotten; older ones that come later do not count
     latest      the latest time the arbiter saw; a clock that jumps back does not exist for it
     """
 
@@ -614,24 +632,28 @@ class AnyOrderOfEvents(RuleBasedStateMachine):
         self.kept: set[int] = set()
         self.forgotten: list[set[float]] = [set(), set(), set()]
         self.commanded: list[float | None] = [None] * 3
+        self.since = [-np.inf] * 3
         self.updated = False
         self.setpoints = self._tell(PERIOD)
         self.previous = self.setpoints
 
     @rule(
-        mode=st.sampled_from([Mode.LENGTH, Mode.TENSION, Mode.CURRENT]), index=muscles, values=asked
+        mode=st.sampled_from([Mode.LENGTH, Mode.TENSION, Mode.CURRENT]),
+        index=muscles,
+        values=asked,
+        age=ages,
     )
-    def command(self, mode: Mode, index: list[int], values: list[float]) -> None:
+    def command(self, mode: Mode, index: list[int], values: list[float], age: float) -> None:
         self.updated = False
-        self.bench.command(mode, *values[: len(index)], index=index)
+        self.bench.command(mode, *values[: len(index)], index=index, age=age)
         for muscle, value in zip(index, values, strict=False):
-            if muscle in self.kept:
+            if muscle in self.kept or self.bench.now - age < self.since[muscle]:
                 continue
             if mode is Mode.LENGTH:
                 self.commanded[muscle] = min(max(value, LENGTH_MIN), LENGTH_MAX)
                 self.forgotten[muscle].discard(self.commanded[muscle] or 0.0)
             else:
-                self.streams[mode][muscle] = self.bench.now
+                self.streams[mode][muscle] = self.bench.now - age
 
     @rule(index=muscles, lease=st.floats(0.001, MAX_LEASE))
     def override(self, index: list[int], lease: float) -> None:
@@ -654,17 +676,18 @@ class AnyOrderOfEvents(RuleBasedStateMachine):
     def lose_the_bus(self, index: list[int]) -> None:
         self.updated = False
         keep(self.bench, *index)
-        self._forget(set(index) - self.kept)
+        self._forget(set(index) - self.kept, self.latest)
         self.kept |= set(index)
 
     @rule()
     def hold(self) -> None:
         self.updated = False
-        self.bench.arbiter.hold()
-        self._forget({A, B, C})
+        self.bench.arbiter.hold(now=self.bench.now)
+        self._forget({A, B, C}, self.bench.now)
 
-    def _forget(self, index: set[int]) -> None:
+    def _forget(self, index: set[int], now: float) -> None:
         for muscle in index:
+            self.since[muscle] = max(self.since[muscle], now)
             commanded = self.commanded[muscle]
             if commanded is not None:
                 self.forgotten[muscle].add(commanded)
@@ -675,10 +698,10 @@ class AnyOrderOfEvents(RuleBasedStateMachine):
     @precondition(lambda self: self.stopped or self.faulty or self.kept)
     @rule(length=measured)
     def clear_and_update(self, length: list[float]) -> None:
-        self.bench.arbiter.clear_faults()
+        self.bench.arbiter.clear_faults(self.bench.now)
         self.stopped = False
         self.faulty, self.kept = set(), set()
-        self._forget({A, B, C})
+        self._forget({A, B, C}, self.bench.now)
         self.update(PERIOD, length, [20.0] * 3, [])
         living = np.array(self.until) > self.latest
         np.testing.assert_array_equal(self.setpoints.value[~living], np.array(length)[~living])

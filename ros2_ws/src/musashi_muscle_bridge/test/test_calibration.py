@@ -78,6 +78,16 @@ def test_a_board_that_never_follows_is_no_sign_error() -> None:
     assert pulled(muscle)[0].verdict is Verdict.NOT_FOLLOWED
 
 
+def test_a_pull_that_somebody_ends_is_no_sign_error() -> None:
+    muscle = Wired()
+    before = muscle.reading(0.0, 0.4)
+    pull = Pull(SETTINGS, before, LIMIT)
+    pull.step(muscle.reading(0.5, 0.5))
+    muscle.follows = False  # as under an emergency stop, where the wire pays out
+    assert pull.step(muscle.reading(0.502, -5.0)) is None
+    assert pull.verdict is Verdict.INTERRUPTED
+
+
 def test_a_fault_ends_the_pull_at_once() -> None:
     muscle = Wired()
     muscle.fault = True

@@ -295,7 +295,7 @@ def test_orders_are_carried_out_in_turn(start: Start) -> None:
     run.until(lambda: run.buses[0].setpoint == pytest.approx(0.919, abs=1e-6))
 
 
-STOP, CLEAR, HOLD = EmergencyStop(), ClearFaults(), Hold()
+STOP, CLEAR, HOLD = EmergencyStop(), ClearFaults(0.0), Hold(0.0)
 
 
 @pytest.mark.parametrize(

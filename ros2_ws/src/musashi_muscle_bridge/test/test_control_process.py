@@ -172,7 +172,7 @@ def test_the_death_of_the_process_is_told(node: Node) -> None:
 def test_an_order_to_a_dead_process_is_known_to_be_lost(node: Node) -> None:
     os.kill(node.process.pid, signal.SIGKILL)
     node.until(lambda: not node.process.alive)
-    assert not node.process.order(Hold())
+    assert not node.process.order(Hold(0.0))
 
 
 def test_an_order_that_fails_ends_the_process_with_its_traceback(node: Node) -> None:

@@ -222,7 +222,7 @@ def _swing(
 
 
 def _facts(swing: MeasuredSwing) -> str:
-    facts = [f"Begins {swing.start:.2f} s after the recording"]
+    facts = [f"Begins {swing.start:.2f} s into the recording"]
     if swing.plan is not None:
         masked = " ".join(swing.plan.masked) or "none"
         facts.append(f"muscles masked: {masked}")
