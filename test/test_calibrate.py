@@ -100,10 +100,20 @@ def test_a_read_only_bridge_pulls_nothing(world: "Suite", tmp_path: Path) -> Non
     world.start("mock_driver")
     world.start("bridge", read_only=True)
     world.fresh_muscles()
-    output = tmp_path / "found.yaml"
-    run = calibrate(world, output, "\n\n", "--muscles", "#6")
+    run = calibrate(world, tmp_path / "found.yaml", "\n\n", "--muscles", "#6")
     assert run.returncode == 1
-    assert found(output)["#6"]["verdict"] == "not_followed"
+    assert "muscles that do not hold a length: #1, #2" in run.stdout
+
+
+def test_under_an_emergency_stop_nothing_is_pulled(
+    bridge_and_mock: "Suite", tmp_path: Path
+) -> None:
+    bridge_and_mock.hold()
+    bridge_and_mock.trigger("emergency_stop")
+    bridge_and_mock.wait_for_modes(MuscleState.MODE_ZERO_CURRENT)
+    run = calibrate(bridge_and_mock, tmp_path / "found.yaml", "\n\n", "--muscles", "#6")
+    assert run.returncode == 1
+    assert "end an emergency stop with clear_faults" in run.stdout
 
 
 def test_with_a_fault_nothing_is_pulled(world: "Suite", tmp_path: Path) -> None:

@@ -22,8 +22,9 @@ from musashi_muscle_bridge.dashboard import (
 from musashi_muscle_bridge.dashboard_keys import KeyPad
 from musashi_muscle_bridge.service_calls import ServiceCalls
 
-_HEAD = "muscle length tension           limit current temp  mode"
-_UNITS = "            m      N               N       A degC"
+_NAME_CELLS = (6, 12)  # at least and at most
+_HEAD = " length tension           limit current temp  mode"
+_UNITS = "      m      N               N       A degC"
 _KEYS = "e EMERGENCY STOP   h hold   c clear faults   q quit"
 _CONFIRM = "y clears faults and emergency stop; every other key does not"
 _INDENT = " " * 11
@@ -47,7 +48,8 @@ def picture(
     now    monotonic time [s]
     clock  the time of day: a picture that stands still shows an old one
     """
-    muscles = _muscles(dashboard, now, max(height - _OTHER_LINES, 1))
+    cells = _name_cells(dashboard.muscles(now))
+    muscles = _muscles(dashboard, now, max(height - _OTHER_LINES, 1), cells)
     head = [_title(dashboard, clock, width), _rates(dashboard, now), _banner(dashboard, now)]
     nodes = [
         _line("executor   ", dashboard.executor(now)),
@@ -57,7 +59,11 @@ def picture(
     answers = [Text(_plain(line)) for line in calls.lines(now)[:3]]
     confirming = keys.confirming(now)
     foot = Text(_CONFIRM if confirming else _KEYS, style="reverse" if confirming else "bold")
-    above = [*head, Text(_HEAD, style="bold"), Text(_UNITS, style="dim"), *muscles, Text(), *nodes]
+    titles = [
+        Text(f"{'muscle':<{cells}}{_HEAD}", style="bold"),
+        Text(f"{'':<{cells}}{_UNITS}", style="dim"),
+    ]
+    above = [*head, *titles, *muscles, Text(), *nodes]
     # Where there is little room, the keys stay, and what was asked for.
     below = [*answers[: max(height - 4, 0)], foot]
     above = above[: max(height - len(below), 0)]
@@ -110,19 +116,32 @@ def _banner(dashboard: Dashboard, now: float) -> Text:
     return Text("   ".join(map(_plain, words)), style="bold red reverse")
 
 
-def _muscles(dashboard: Dashboard, now: float, room: int) -> list[Text]:
+def _name_cells(rows: Sequence[MuscleRow]) -> int:
+    low, high = _NAME_CELLS
+    return min(max([low, *(len(_plain(row.name)) for row in rows)]), high)
+
+
+def _short(name: str, cells: int) -> str:
+    """Return a name that fits: its beginning and end, as names of one arm differ in either."""
+    if len(name) <= cells:
+        return name
+    end = cells // 2
+    return f"{name[: cells - end - 1]}~{name[-end:]}"
+
+
+def _muscles(dashboard: Dashboard, now: float, room: int, cells: int) -> list[Text]:
     rows, stale = dashboard.muscles(now), dashboard.stale(now)
     if len(rows) <= room:
-        return [_muscle(row, stale) for row in rows]
+        return [_muscle(row, stale, cells) for row in rows]
     shown, hidden = rows[: room - 1], rows[room - 1 :]
     faulty = [row.name for row in hidden if row.fault]
     also = f", FAULTS at {' '.join(faulty)}" if faulty else ""
     more = Text(_plain(f"and {len(hidden)} more: make the window higher{also}"), style="bold")
-    return [*(_muscle(row, stale) for row in shown), more]
+    return [*(_muscle(row, stale, cells) for row in shown), more]
 
 
-def _muscle(row: MuscleRow, stale: bool) -> Text:
-    numbers = f"{_plain(row.name)[:6]:<6}{row.length:7.4f} {row.tension:6.1f}"
+def _muscle(row: MuscleRow, stale: bool, cells: int) -> Text:
+    numbers = f"{_short(_plain(row.name), cells):<{cells}}{row.length:7.4f} {row.tension:6.1f}"
     rest = f"{_number(row.tension_limit, 5, 0)} {row.current:7.2f} {_number(row.temperature, 4, 0)}"
     mode = _SHORT_MODES.get(row.mode, row.mode)
     line = Text(f"{numbers} ", style="dim" if stale else "")

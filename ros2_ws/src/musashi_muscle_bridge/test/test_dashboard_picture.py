@@ -106,6 +106,13 @@ def test_ten_muscles_and_all_else_fit_into_80_by_24() -> None:
     assert all("! over_temperature" in row(lines, name) for name in NAMES)
 
 
+def test_names_that_begin_alike_stay_apart() -> None:
+    names = ["biceps_brachii_long", "biceps_brachii_short"]
+    lines = drawn(shown(state(2, name=names)))
+    assert row(lines, "bicep~i_long").split()[1] == "0.2500"
+    assert row(lines, "bicep~_short").split()[1] == "0.2500"
+
+
 def test_a_muscle_is_shown_with_its_numbers() -> None:
     words = row(drawn(shown(state(temperature=[31.4] * 10))), "#3").split()
     assert words == ["#3", "0.2500", "20.0", "[..........]", "450", "0.40", "31", "length"]
