@@ -28,6 +28,7 @@ setup(
             "plan = fastswing_planner.plan_command:main",
             "planner = fastswing_planner.planner_node:main",
             "record = fastswing_planner.record_node:main",
+            "swing = fastswing_planner.swing_command:main",
             "swing_executor = fastswing_planner.executor_node:main",
         ],
     },

@@ -7,15 +7,14 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from numpy.typing import ArrayLike
 
+from fastswing_planner.command_line import EQUALS_SIGN, OneLineParser, numbers, posture_argument
 from fastswing_planner.errors import (
     InvalidRequest,
     PlannerError,
     RobotDescriptionError,
-    UnknownName,
     WrongLength,
 )
 from fastswing_planner.muscle_model import Payload
@@ -91,8 +90,8 @@ def _request(arguments: argparse.Namespace, robot: Robot) -> SwingRequest:
         body = arguments.payload_body or robot.payload_body
         payload = Payload(arguments.payload, body, (x, y, z))
     return SwingRequest(
-        start=_posture("--start", arguments.start, robot),
-        end=_posture("--end", arguments.end, robot),
+        start=posture_argument("--start", arguments.start, robot),
+        end=posture_argument("--end", arguments.end, robot),
         method=Method[arguments.method.upper()],
         kept_muscles=arguments.keep,
         constants=MuscleConstants(
@@ -111,52 +110,21 @@ def _request(arguments: argparse.Namespace, robot: Robot) -> SwingRequest:
     )
 
 
-def _posture(option: str, text: str, robot: Robot) -> ArrayLike:
-    if text in robot.postures:
-        return robot.postures[text]
-    try:
-        return _numbers(text)
-    except argparse.ArgumentTypeError as error:
-        raise UnknownName(
-            f"{option} is '{text}': give one angle [rad] for each of "
-            f"{', '.join(robot.model.joint_names)}, with commas between, or a posture of the "
-            f"robot: {', '.join(robot.postures)}"
-        ) from error
-
-
 def _exactly(count: int, option: str, values: Sequence[float]) -> Sequence[float]:
     if len(values) != count:
         raise WrongLength(f"{option} has {len(values)} numbers, expected {count}")
     return values
 
 
-def _numbers(text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"'{text}' is not numbers with commas") from error
-
-
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, without the usage before it."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}; see --help\n")
-
-
 def _parser() -> argparse.ArgumentParser:
     settings = SwingSettings()
-    parser = _Parser(
+    parser = OneLineParser(
         prog="plan",
         description="Plan one swing, and compare all methods. Nothing moves.",
-        epilog="Angles that begin with a minus sign need an equals sign: --start=-0.7,0,0,-1.9,0",
+        epilog=EQUALS_SIGN,
     )
     add = parser.add_argument
-    add("--robot", default=MUSASHI, help="YAML file of the robot; default: the Musashi-like arm")
-    add("--start", default="start", help="angles [rad] with commas, or a posture of the robot")
-    add("--end", default="end", help="the same")
-    methods = [method.name.lower() for method in Method]
-    add("--method", choices=methods, default="elongate", help="default: elongate (Method 2)")
+    parser.add_swing(MUSASHI, Method.ELONGATE)
     searches = [search.name.lower() for search in Search]
     add("--search", choices=searches, default="greedy", help="default: greedy, the paper's")
     add("--time-limit", type=float, default=float("inf"), metavar="SEC", help="of the search")
@@ -171,17 +139,17 @@ def _parser() -> argparse.ArgumentParser:
     ):
         add(
             option,
-            type=_numbers,
+            type=numbers,
             default=[],
             metavar="X[,X...]",
             help=f"{what}; one number for all muscles, or one for each; default: the robot's",
         )
     weight = "diagonal or all of it, row by row; default: identity"
-    add("--holding-weight", type=_numbers, default=[], metavar="X,...", help=f"W1, {weight}")
-    add("--swing-weight", type=_numbers, default=[], metavar="X,...", help=f"W2, {weight}")
+    add("--holding-weight", type=numbers, default=[], metavar="X,...", help=f"W1, {weight}")
+    add("--swing-weight", type=numbers, default=[], metavar="X,...", help=f"W2, {weight}")
     add("--payload", type=float, metavar="KG", help="mass that the arm holds; default: none")
     add("--payload-body", default="", metavar="BODY", help="that carries it; default: the robot's")
-    add("--payload-position", type=_numbers, default=[0.0] * 3, metavar="X,Y,Z", help="[m] in it")
+    add("--payload-position", type=numbers, default=[0.0] * 3, metavar="X,Y,Z", help="[m] in it")
     add("--time-step", type=float, default=settings.time_step, metavar="SEC")
     add("--epsilon", type=float, default=settings.epsilon, metavar="RAD")
     add("--max-steps", type=int, default=settings.max_steps, metavar="COUNT")

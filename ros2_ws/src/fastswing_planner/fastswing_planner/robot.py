@@ -85,14 +85,15 @@ def load_robot(path: Path) -> Robot:
         ) from error
     if not isinstance(content, dict):
         raise RobotDescriptionError(f"{path}: expected a mapping with {', '.join(_REQUIRED)}")
-    for key in _REQUIRED:
-        if key not in content:
-            raise RobotDescriptionError(f"{path}: key '{key}' is missing")
     for key in content:
         if key not in _REQUIRED + _OPTIONAL:
             raise RobotDescriptionError(
                 f"{path}: unknown key '{key}', choose from: {', '.join(_REQUIRED + _OPTIONAL)}"
             )
+    # Afterwards: a misspelt key is both.
+    for key in _REQUIRED:
+        if key not in content:
+            raise RobotDescriptionError(f"{path}: key '{key}' is missing")
     try:
         return _build(path, content)
     except (InvalidRequest, RobotDescriptionError) as error:

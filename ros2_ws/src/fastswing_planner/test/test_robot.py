@@ -107,6 +107,11 @@ def test_joints_left_out_are_where_the_keyframe_has_them(tmp_path: Path) -> None
     assert torque == pytest.approx([-0.1 * np.cos(1.5) * 0.5 * 9.81])
 
 
+def test_a_misspelt_key_is_named_as_it_stands(tmp_path: Path) -> None:
+    path = written(tmp_path, velocity_limit=None, velocty_limit=0.2)
+    assert refusal(path).startswith(f"{path}: unknown key 'velocty_limit', choose from: mjcf, ")
+
+
 @pytest.mark.parametrize("key", list(CONTENT))
 def test_a_missing_key_is_named(tmp_path: Path, key: str) -> None:
     path = written(tmp_path, **{key: None})

@@ -1,0 +1,55 @@
+"""What the command lines of `plan` and `swing` have in common."""
+
+import argparse
+from typing import NoReturn
+
+from numpy.typing import ArrayLike
+
+from fastswing_planner.errors import UnknownName
+from fastswing_planner.request import Method
+from fastswing_planner.robot import Robot
+
+EQUALS_SIGN = "Angles that begin with a minus sign need an equals sign: --start=-0.7,0,0,-1.9,0"
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong in one line, without the usage before it."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the line and end with 2."""
+        self.exit(2, f"{self.prog}: {message}; see --help\n")
+
+    def add_swing(self, robot: str, method: Method) -> None:
+        """Add what says which swing; arguments are the defaults."""
+        methods = [one.name.lower() for one in Method]
+        default = method.name.lower()
+        self.add_argument(
+            "--robot", default=robot, help="YAML file of the robot; default: %(default)s"
+        )
+        self.add_argument(
+            "--start", default="start", help="angles [rad] with commas, or a posture of the robot"
+        )
+        self.add_argument("--end", default="end", help="the same")
+        self.add_argument("--method", choices=methods, default=default, help="default: %(default)s")
+
+
+def numbers(text: str) -> list[float]:
+    """Return numbers with commas between; raises ArgumentTypeError."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' is not numbers with commas") from error
+
+
+def posture_argument(option: str, text: str, robot: Robot) -> ArrayLike:
+    """Return the angles [rad], shape (n,), or those of a named posture; raises UnknownName."""
+    if text in robot.postures:
+        return robot.postures[text]
+    try:
+        return numbers(text)
+    except argparse.ArgumentTypeError as error:
+        raise UnknownName(
+            f"{option} is '{text}': give one angle [rad] for each of "
+            f"{', '.join(robot.model.joint_names)}, with commas between, or a posture of the "
+            f"robot: {', '.join(robot.postures)}"
+        ) from error
