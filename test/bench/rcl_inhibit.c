@@ -201,9 +201,9 @@ static void open_link(Link *link, rcl_context_t *context, rcl_node_t *node) {
   CHECK(rcl_publisher_init(&link->publisher, node,
                            ROSIDL_GET_MSG_TYPE_SUPPORT(sensor_msgs, msg, JointState),
                            "joint_states", &states));
-  // The bridge's own quality of service.
+  // Best effort as the bridge's own, but so deep that no answer is overwritten before it counts.
   rcl_subscription_options_t overrides = rcl_subscription_get_default_options();
-  overrides.qos.depth = 1;
+  overrides.qos.depth = 100;
   overrides.qos.reliability = RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT;
   CHECK(rcl_subscription_init(&link->subscription, node,
                               ROSIDL_GET_MSG_TYPE_SUPPORT(fastswing_msgs, msg, CurrentOverride),

@@ -36,6 +36,7 @@ from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.state_conversion import JointStateReader, RejectionCounter
 
 _MORE_RELEASES = 2
+_WATCHES = 5  # in the time after which silence ends a swing
 _DEFAULTS = InhibitionSettings()
 
 _REASON_TEXTS = {
@@ -149,6 +150,7 @@ class InhibitorNode(ManagedNode):
         self._lease = _duration(parameters["lease"])
         self._request_max_age: float = parameters["request_max_age"]
         self._threshold: float = parameters["threshold"]
+        self._watch_period: float = parameters["state_timeout"] / _WATCHES
         model = self._robot.model
         self._inhibition = Inhibition(
             model,
@@ -193,7 +195,7 @@ class InhibitorNode(ManagedNode):
         self._disarm_service = self.create_service(
             Trigger, "disarm_inhibitor", self.guarded(self._on_disarm)
         )
-        self._watch_timer = self.create_steady_timer(0.01, self._on_watch)
+        self._watch_timer = self.create_steady_timer(self._watch_period, self._on_watch)
 
     def deactivate(self) -> None:
         """Release all muscles and withdraw the services."""
