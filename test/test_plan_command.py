@@ -145,7 +145,8 @@ def test_a_picture_is_drawn(tmp_path: Path, name: str, begin: bytes, end: bytes)
         (
             ["--robot", "/no/such.yaml"],
             2,
-            "/no/such.yaml: no such file; set robot_description to the YAML file of your robot",
+            "/no/such.yaml: no such file; give the YAML file of your robot: "
+            "robot_description, --robot",
         ),
         (
             ["--plot", "plan.xyz"],
@@ -169,6 +170,11 @@ def test_a_picture_is_drawn(tmp_path: Path, name: str, begin: bytes, end: bytes)
 def test_what_is_wrong_is_said_in_one_line(arguments: list[object], code: int, text: str) -> None:
     done = plan(*arguments)
     assert (done.returncode, done.stdout, done.stderr) == (code, "", f"plan: {text}\n")
+
+
+def test_angles_may_begin_with_a_minus() -> None:
+    done = plan("--start", "start", "--end", "-0.4,0,0,-0.6,0")
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_broken_robot_file_is_told_in_one_line(tmp_path: Path) -> None:

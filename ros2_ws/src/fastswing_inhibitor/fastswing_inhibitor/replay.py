@@ -357,7 +357,10 @@ def _topic(bag: Bag, type_name: str, prefix: str) -> str:
     names = [name for name in bag.topics_of_type(type_name) if name.startswith(prefix)]
     if not names:
         where = f" below {prefix}" if prefix else ""
-        raise UnusableForReplay(f"nothing to replay: no messages of type {type_name}{where}")
+        why = (
+            "; only swings by Method 1 or the hybrid have them" if type_name == STATUS_TYPE else ""
+        )
+        raise UnusableForReplay(f"nothing to replay: no messages of type {type_name}{where}{why}")
     if len(names) > 1:
         raise UnusableForReplay(
             f"more than one topic of type {type_name}: {', '.join(names)}; choose with --prefix"

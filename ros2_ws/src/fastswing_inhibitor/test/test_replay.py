@@ -425,7 +425,8 @@ def test_a_bag_without_an_inhibitor_is_named(tmp_path: Path) -> None:
     with pytest.raises(UnusableForReplay) as caught:
         replayed(write(tmp_path / "a.mcap", straight(), lose))
     assert str(caught.value) == (
-        "nothing to replay: no messages of type fastswing_msgs/msg/InhibitionStatus"
+        "nothing to replay: no messages of type fastswing_msgs/msg/InhibitionStatus; "
+        "only swings by Method 1 or the hybrid have them"
     )
 
 

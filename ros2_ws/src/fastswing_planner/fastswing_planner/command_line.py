@@ -1,6 +1,7 @@
 """What the command lines of `plan` and `swing` have in common."""
 
 import argparse
+import re
 from typing import NoReturn
 
 from numpy.typing import ArrayLike
@@ -9,11 +10,16 @@ from fastswing_planner.errors import UnknownName
 from fastswing_planner.request import Method
 from fastswing_planner.robot import Robot
 
-EQUALS_SIGN = "Angles that begin with a minus sign need an equals sign: --start=-0.7,0,0,-1.9,0"
+_NEGATIVE = re.compile(r"^-[0-9.][0-9.,eE+-]*$")
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Says what is wrong in one line, without the usage before it."""
+    """Says what is wrong in one line, and takes -0.4,0,1 for numbers, not for an option."""
+
+    def __init__(self, prog: str, description: str) -> None:
+        """Name the program, and what it does."""
+        super().__init__(prog, description=description)
+        self._negative_number_matcher = _NEGATIVE  # argparse's own knows no commas
 
     def error(self, message: str) -> NoReturn:
         """Print the line and end with 2."""

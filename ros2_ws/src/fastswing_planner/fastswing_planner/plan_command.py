@@ -10,7 +10,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from fastswing_planner.command_line import EQUALS_SIGN, OneLineParser, numbers, posture_argument
+from fastswing_planner.command_line import OneLineParser, numbers, posture_argument
 from fastswing_planner.errors import (
     InvalidRequest,
     PlannerError,
@@ -121,7 +121,6 @@ def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog="plan",
         description="Plan one swing, and compare all methods. Nothing moves.",
-        epilog=EQUALS_SIGN,
     )
     add = parser.add_argument
     parser.add_swing(MUSASHI, Method.ELONGATE)

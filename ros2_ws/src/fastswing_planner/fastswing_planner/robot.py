@@ -77,7 +77,7 @@ def load_robot(path: Path) -> Robot:
         content = yaml.safe_load(path.read_text())
     except FileNotFoundError as error:
         raise RobotDescriptionError(
-            f"{path}: no such file; set robot_description to the YAML file of your robot"
+            f"{path}: no such file; give the YAML file of your robot: robot_description, --robot"
         ) from error
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise RobotDescriptionError(

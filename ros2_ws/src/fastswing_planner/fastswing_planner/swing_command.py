@@ -16,7 +16,7 @@ from rclpy.task import Future
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingOptions
-from fastswing_planner.command_line import EQUALS_SIGN, OneLineParser, posture_argument
+from fastswing_planner.command_line import OneLineParser, posture_argument
 from fastswing_planner.error_code import error_name
 from fastswing_planner.errors import (
     InvalidRequest,
@@ -161,7 +161,6 @@ def _parser() -> OneLineParser:
         prog="swing",
         description="Swing the arm through the running nodes. The arm moves. Ctrl-C cancels: the "
         "arm holds where it is.",
-        epilog=EQUALS_SIGN,
     )
     parser.add_swing(MUSASHI, Method.BASIC)
     add = parser.add_argument

@@ -126,7 +126,7 @@ def test_an_unknown_key_lists_the_choices(tmp_path: Path) -> None:
 def test_a_missing_file_says_what_to_set(tmp_path: Path) -> None:
     path = tmp_path / "none.yaml"
     assert refusal(path) == (
-        f"{path}: no such file; set robot_description to the YAML file of your robot"
+        f"{path}: no such file; give the YAML file of your robot: robot_description, --robot"
     )
 
 
