@@ -43,6 +43,15 @@ def compare(suite: "Suite", **options: Any) -> PlanSwing.Response:
     return suite.ask(PlanSwing, "plan_swing", request)
 
 
+def is_same_swing(plan: SwingPlan, other: SwingPlan) -> bool:
+    """Solvers' results differ in their last bits with the alignment of memory."""
+    return len(plan.trajectory) == len(other.trajectory) and all(
+        np.allclose(getattr(point, field), getattr(beside, field), rtol=0.0, atol=1e-9)
+        for point, beside in zip(plan.trajectory, other.trajectory, strict=True)
+        for field in point.get_fields_and_field_types()
+    )
+
+
 def names_where(plan: SwingPlan, flags: Any) -> list[str]:
     return [name for name, flag in zip(plan.muscle_name, flags, strict=True) if flag]
 
@@ -125,7 +134,7 @@ def test_the_same_request_with_joints_in_another_order_gives_the_same_swing(
         start_position=postures["start"][::-1].tolist(),
         end_position=postures["end"][::-1].tolist(),
     )
-    assert turned.plan.trajectory == plan(lone_planner, BASIC).trajectory
+    assert is_same_swing(turned.plan, plan(lone_planner, BASIC))
 
 
 # Comparing.
@@ -140,7 +149,8 @@ def test_a_comparison_has_each_method_once(lone_planner: "Suite") -> None:
 
 def test_a_comparison_comes_beside_the_plan(lone_planner: "Suite") -> None:
     answer = compare(lone_planner, method=METHOD_2)
-    assert answer.plan.trajectory == answer.comparison[METHOD_2].plan.trajectory
+    assert is_same_swing(answer.plan, answer.comparison[METHOD_2].plan)
+    assert not is_same_swing(answer.plan, answer.comparison[METHOD_1].plan)
 
 
 def test_nothing_is_compared_unless_asked(lone_planner: "Suite") -> None:

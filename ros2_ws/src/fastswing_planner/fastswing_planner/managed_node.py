@@ -58,7 +58,8 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 # take its port for the dead one's and remove it, and no emergency stop arrives any more.
 _TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 _NEARLY = 0.8  # of difflib's similarity; parameters of different nodes are below
-_SPIN_SLICE_SEC = 0.1
+_SIGNALS_SEC = 0.1
+_SPIN_SLICE_SEC = 3600.0
 _LAST_WORDS_SEC = 0.2
 _DIAGNOSTICS_PERIOD_SEC = 1.0
 
@@ -322,10 +323,13 @@ class ManagedNode(LifecycleNode):
 
 
 def spin(node: ManagedNode, stop: Future) -> None:
-    """Spin until `stop` is done, then stop working; signals are noticed every _SPIN_SLICE_SEC."""
+    """Spin until `stop` is done, then stop working; signals are noticed every _SIGNALS_SEC."""
     executor = EventsExecutor()
     executor.add_node(node)
-    # EventsExecutor.spin() without a timeout livelocks in rclpy 7.1.
+    # Python calls its signal handlers between two of its own instructions.
+    node.create_steady_timer(_SIGNALS_SEC, lambda: None)
+    # EventsExecutor.spin() without a timeout livelocks in rclpy 7.1, and each call of this one
+    # leaves some memory behind.
     while not stop.done():
         executor.spin_until_future_complete(stop, timeout_sec=_SPIN_SLICE_SEC)
     node.stop_working()
