@@ -1,6 +1,9 @@
 """The inhibitor as a node: what arms it, what it reports."""
 
+import os
 from collections import deque
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -80,6 +83,12 @@ class Lone:
         return self.statuses[-1]
 
 
+def holds(pid: int, file: Path) -> bool:
+    """Whether a process has a file open."""
+    links = Path(f"/proc/{pid}/fd").iterdir()
+    return str(file) in [os.readlink(link) for link in links if link.is_symlink()]
+
+
 @pytest.fixture(scope="module", params=[True, False], ids=["raw", "ordinary"])
 def inhibitor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
     from test.conftest import Suite
@@ -87,7 +96,13 @@ def inhibitor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
     suite = Suite(tmp_path_factory.mktemp("inhibitor"))
     try:
         # A shared machine stalls for longer than a robot PC may.
-        suite.start("inhibitor", threshold=THRESHOLD, state_timeout=0.3, raw_messages=request.param)
+        suite.start(
+            "inhibitor",
+            threshold=THRESHOLD,
+            state_timeout=0.3,
+            raw_messages=request.param,
+            prevent_core_sleep=True,
+        )
         suite.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
         yield Lone(suite)
     finally:
@@ -217,6 +232,23 @@ def test_the_latency_has_one_bucket_more_than_bounds(lone: Lone) -> None:
     lone.arm()
     lone.suite.until("a status", lambda: len(lone.statuses) > 1)
     assert len(lone.statuses[-1].latency_count) == len(lone.statuses[-1].latency_bound) + 1
+
+
+def test_no_core_sleeps_while_armed_or_the_refusal_is_told(lone: Lone) -> None:
+    file = Path("/dev/cpu_dma_latency")
+    held = partial(holds, lone.suite.processes["inhibitor"].pid, file)
+    assert not held()
+    lone.arm()
+    if os.access(file, os.W_OK):
+        assert held()
+        lone.streaming = {"silent": True}
+        lone.until_disarmed()
+        lone.suite.until("cores may sleep", lambda: not held())
+    else:
+        lone.suite.until(
+            "the refusal",
+            lambda: f"{file} refused: " in lone.suite.reported("inhibitor", "not_granted"),
+        )
 
 
 def test_the_diagnostics_name_the_longest_latency(lone: Lone) -> None:

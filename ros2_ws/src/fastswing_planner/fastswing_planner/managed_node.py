@@ -232,10 +232,16 @@ class ManagedNode(LifecycleNode):
     def _configure(self) -> None:
         values = self.parameter_values()
         # First, so that the threads and processes that `configure` starts inherit it.
-        self._not_granted = ask_for_real_time(values["realtime_priority"], values["cpu_affinity"])
-        for text in self._not_granted:
-            self.get_logger().warning(text)
+        self._not_granted = []
+        for text in ask_for_real_time(values["realtime_priority"], values["cpu_affinity"]):
+            self.tell_refusal(text)
         self.configure(values)
+
+    def tell_refusal(self, text: str) -> None:
+        """Warn of what the kernel does not grant; diagnostics repeat it until configured again."""
+        if text not in self._not_granted:
+            self._not_granted.append(text)
+            self.get_logger().warning(text)
 
     def _transition(self, verb: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         try:
@@ -309,7 +315,12 @@ class ManagedNode(LifecycleNode):
             level = DiagnosticStatus.ERROR
         elif self._not_granted and level == DiagnosticStatus.OK:
             level, summary = DiagnosticStatus.WARN, "; ".join(self._not_granted)
-        values = {"active": self.is_active, "callback_errors": self._callback_errors, **values}
+        values = {
+            "active": self.is_active,
+            "callback_errors": self._callback_errors,
+            "not_granted": "; ".join(self._not_granted),
+            **values,
+        }
         status = DiagnosticStatus(
             level=level,
             name=self.get_fully_qualified_name().lstrip("/"),

@@ -8,6 +8,7 @@ import gc
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 from fastswing_planner.parameters import Parameter
 
@@ -33,6 +34,7 @@ REAL_TIME = (
 
 _PR_SET_TIMERSLACK = 29
 _SHORTEST_SLACK_NS = 1
+_NO_LATENCY_US = bytes(4)  # as the kernel's s32
 
 
 def ask_for_real_time(priority: int, cores: Sequence[int]) -> list[str]:
@@ -87,6 +89,37 @@ def use_priority(priority: int) -> str:
             "rtprio limit"
         )
     return ""
+
+
+class CoreSleep:
+    """Keeps all cores of the machine from sleeping while it counts.
+
+    A core that slept wakes late and with cold caches: a message is answered later by as much as
+    its own work takes. The kernel offers this to whoever may write its PM QoS file, for as long as
+    the file is open (Documentation/power/pm_qos_interface.rst).
+    """
+
+    def __init__(self, path: Path = Path("/dev/cpu_dma_latency")) -> None:
+        """Change nothing yet."""
+        self._path = path
+        self._held: BinaryIO | None = None
+
+    def prevent(self) -> str:
+        """Let no core sleep until `allow`; returns what failed; empty if nothing did."""
+        if self._held is None:
+            try:
+                self._held = self._path.open("wb", buffering=0)
+                self._held.write(_NO_LATENCY_US)
+            except OSError as error:
+                self.allow()
+                return f"{self._path} refused: {_reason(error)}; cores may sleep"
+        return ""
+
+    def allow(self) -> None:
+        """Let the cores sleep again."""
+        if self._held is not None:
+            self._held.close()
+            self._held = None
 
 
 def keep_what_there_is() -> None:

@@ -2,13 +2,15 @@
 
 import json
 import os
+import struct
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fastswing_planner.real_time import use_cores, use_priority
+from fastswing_planner.real_time import CoreSleep, use_cores, use_priority
 
 # A process of its own, with a second thread, and one that is started afterwards.
 PROGRAM = """
@@ -37,6 +39,11 @@ def after(call: str) -> dict[str, Any]:
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     found: dict[str, Any] = json.loads(done.stdout)
     return found
+
+
+def held_files() -> list[str]:
+    """Return the files that this process has open."""
+    return [os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()]
 
 
 def may_be_real_time() -> bool:
@@ -79,6 +86,31 @@ def test_nothing_asked_for_changes_nothing(call: str) -> None:
 def test_everything_that_failed_is_told_at_once() -> None:
     refused = after("ask_for_real_time(1000, [1023])")["refused"]
     assert [text.split()[0] for text in refused] == ["cpu_affinity", "realtime_priority"]
+
+
+def test_no_core_sleeps_while_the_kernels_file_is_held(tmp_path: Path) -> None:
+    file = tmp_path / "latency"
+    file.touch()
+    core_sleep = CoreSleep(file)
+    assert core_sleep.prevent() == core_sleep.prevent() == ""
+    assert file.read_bytes() == struct.pack("i", 0)
+    assert str(file) in held_files()
+    core_sleep.allow()
+
+
+def test_cores_may_sleep_again(tmp_path: Path) -> None:
+    file = tmp_path / "latency"
+    core_sleep = CoreSleep(file)
+    core_sleep.prevent()
+    core_sleep.allow()
+    core_sleep.allow()
+    assert str(file) not in held_files()
+
+
+def test_a_kernel_that_lets_cores_sleep_is_told(tmp_path: Path) -> None:
+    core_sleep = CoreSleep(tmp_path)
+    assert core_sleep.prevent() == f"{tmp_path} refused: Is a directory; cores may sleep"
+    core_sleep.allow()
 
 
 def test_what_was_there_is_out_of_the_garbage_collectors_sight() -> None:
