@@ -40,7 +40,7 @@ from fastswing_planner.robot_path import MUSASHI, resolve_path
 
 QUESTION = "How long from a joint state to its override, beside an echo in C?"
 
-ROUNDS, MESSAGES, WARM_UP = 10, 5000, 200
+ROUNDS, MESSAGES, WARM_UP = 10, 2000, 200
 STEADY_SEC, LONG_SEC, SEGMENT_SEC = 60.0, 600.0, 50.0
 PERIODS_US = {"back to back": 0, "at 1 kHz": 1000}
 # As docs/on_the_robot.md says.
