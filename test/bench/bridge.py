@@ -18,6 +18,7 @@ from board_times import BoardTimes, read_board_log
 from builtin_interfaces.msg import Duration
 from limbed_arm import write_limbed_arm
 from listening import Listener
+from machine import TUNED
 from numpy.typing import NDArray
 from pace_baseline import Pace, PaceBaseline
 from processes import Process, free_domain, free_udp_port, isolated_environment, stop_all
@@ -256,11 +257,13 @@ def run(scale: float, plots: Path | None = None) -> list[Row]:
     """Measure; `scale` 1 takes about seven minutes. There is no plot."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        large = str(write_limbed_arm(folder, muscles=74, joints=33))
         variants: list[tuple[str, str, dict[str, object]]] = [
             ("10 boards", MUSASHI, {}),
             ("10 boards, ordinary messages", MUSASHI, {"raw_messages": "false"}),
-            ("10 boards, realtime_priority 50", MUSASHI, {"realtime_priority": 50}),
-            ("74 boards", str(write_limbed_arm(folder, muscles=74, joints=33)), {}),
+            ("10 boards, tuned", MUSASHI, TUNED),
+            ("74 boards", large, {}),
+            ("74 boards, tuned", large, TUNED),
         ]
         found = {label: Measured() for label, _, _ in variants}
         for _ in range(ROUNDS if scale > 0.1 else 1):

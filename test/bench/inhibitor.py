@@ -26,6 +26,7 @@ import rclpy
 from baselines import baseline
 from builtin_interfaces.msg import Duration
 from limbed_arm import write_limbed_arm
+from machine import TUNED
 from processes import Process, free_domain, isolated_environment
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -43,8 +44,6 @@ QUESTION = "How long from a joint state to its override, beside an echo in C?"
 ROUNDS, MESSAGES, WARM_UP = 10, 2000, 200
 STEADY_SEC, LONG_SEC, SEGMENT_SEC = 60.0, 600.0, 50.0
 PERIODS_US = {"back to back": 0, "at 1 kHz": 1000}
-# As docs/on_the_robot.md says.
-TUNED = {"prevent_core_sleep": True, "realtime_priority": 50}
 # A shared machine stalls for longer than a robot PC may.
 PATIENCE = {"state_timeout": 0.3, "lease": 0.2, "max_time_limit": 60.0}
 _DISCOVERY_SEC = 30.0
@@ -163,7 +162,7 @@ def echo(count: int, period_us: int) -> Figures:
 
 def wakeful_echo(count: int, period_us: int) -> Figures:
     """Return what the echo takes while no core sleeps, where the kernel lets us ask for that."""
-    core_sleep = CoreSleep()
+    core_sleep = CoreSleep(True)
     core_sleep.prevent()
     try:
         return echo(count, period_us)

@@ -5,6 +5,9 @@ import platform
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+TUNED: dict[str, object] = {"prevent_core_sleep": True, "realtime_priority": 50}
+"""Parameters of bridge and inhibitor on a robot PC, as docs/on_the_robot.md says."""
+
 # Names under which a package may be installed: as a wheel, or from apt.
 _PACKAGES = {
     "rclpy": ("ros-rclpy", "rclpy"),

@@ -29,7 +29,7 @@ from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
 from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.raw_messages import RawReader
-from fastswing_planner.real_time import CoreSleep
+from fastswing_planner.real_time import PREVENT_CORE_SLEEP, CoreSleep
 from fastswing_planner.request import checked_threshold, posture
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.robot import load_robot
@@ -76,13 +76,7 @@ TABLE = (
         0.2,
     ),
     RAW_MESSAGES,
-    Parameter(
-        "prevent_core_sleep",
-        False,
-        "While armed no core of this machine sleeps: joint states are answered in half the time, "
-        "and idle cores use power. Needs write access to /dev/cpu_dma_latency; a refusal is a "
-        "warning.",
-    ),
+    PREVENT_CORE_SLEEP,
     Parameter(
         "max_time_limit",
         5.0,
@@ -175,7 +169,7 @@ class InhibitorNode(ManagedNode):
         self._reader = JointStateReader(model.joint_names)
         self._raw_states = RawReader(JointState, JointStateReader.NUMBERS)
         self._raw: bool = parameters["raw_messages"]
-        self._core_sleep = CoreSleep() if parameters["prevent_core_sleep"] else None
+        self._core_sleep = CoreSleep(parameters["prevent_core_sleep"])
 
     def activate(self) -> None:
         """Listen to joint states and offer the services."""
@@ -281,8 +275,7 @@ class InhibitorNode(ManagedNode):
         self._override.publish(self._release)
 
     def _tell_end(self, header: Header | SimpleNamespace) -> None:
-        if self._core_sleep:
-            self._core_sleep.allow()
+        self._core_sleep.allow()
         self._publish_resting_status(header)
         self._last_end = self._reason_text(self._inhibition.reason)
         self.get_logger().info(
@@ -323,7 +316,7 @@ class InhibitorNode(ManagedNode):
             response.error_string = str(error)
             return response
         self._releases = 0
-        if self._core_sleep and (refusal := self._core_sleep.prevent()):
+        if refusal := self._core_sleep.prevent():
             self.tell_refusal(refusal)
         self._publish_resting_status(self._header_of_now())
         self.get_logger().info(f"armed for at most {arming.time_limit:g} s")

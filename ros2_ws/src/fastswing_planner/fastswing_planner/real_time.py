@@ -32,6 +32,15 @@ REAL_TIME = (
     ),
 )
 
+PREVENT_CORE_SLEEP = Parameter(
+    "prevent_core_sleep",
+    False,
+    "While the bridge is active, or the inhibitor armed, no core of this machine sleeps: messages "
+    "are answered sooner and periods are more regular, idle cores use power. Needs write access to "
+    "/dev/cpu_dma_latency; a refusal is a warning.",
+)
+"""For nodes that use CoreSleep."""
+
 _PR_SET_TIMERSLACK = 29
 _SHORTEST_SLACK_NS = 1
 _NO_LATENCY_US = bytes(4)  # as the kernel's s32
@@ -99,14 +108,15 @@ class CoreSleep:
     the file is open (Documentation/power/pm_qos_interface.rst).
     """
 
-    def __init__(self, path: Path = Path("/dev/cpu_dma_latency")) -> None:
-        """Change nothing yet."""
+    def __init__(self, wanted: bool, path: Path = Path("/dev/cpu_dma_latency")) -> None:
+        """Change nothing yet; never, unless it is `wanted`: `prevent_core_sleep`."""
+        self._wanted = wanted
         self._path = path
         self._held: BinaryIO | None = None
 
     def prevent(self) -> str:
         """Let no core sleep until `allow`; returns what failed; empty if nothing did."""
-        if self._held is None:
+        if self._wanted and self._held is None:
             try:
                 self._held = self._path.open("wb", buffering=0)
                 self._held.write(_NO_LATENCY_US)

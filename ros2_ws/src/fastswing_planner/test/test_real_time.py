@@ -91,16 +91,20 @@ def test_everything_that_failed_is_told_at_once() -> None:
 def test_no_core_sleeps_while_the_kernels_file_is_held(tmp_path: Path) -> None:
     file = tmp_path / "latency"
     file.touch()
-    core_sleep = CoreSleep(file)
+    core_sleep = CoreSleep(True, file)
     assert core_sleep.prevent() == core_sleep.prevent() == ""
     assert file.read_bytes() == struct.pack("i", 0)
     assert str(file) in held_files()
     core_sleep.allow()
 
 
+def test_cores_sleep_unless_asked_not_to(tmp_path: Path) -> None:
+    assert CoreSleep(False, tmp_path).prevent() == ""
+
+
 def test_cores_may_sleep_again(tmp_path: Path) -> None:
     file = tmp_path / "latency"
-    core_sleep = CoreSleep(file)
+    core_sleep = CoreSleep(True, file)
     core_sleep.prevent()
     core_sleep.allow()
     core_sleep.allow()
@@ -108,7 +112,7 @@ def test_cores_may_sleep_again(tmp_path: Path) -> None:
 
 
 def test_a_kernel_that_lets_cores_sleep_is_told(tmp_path: Path) -> None:
-    core_sleep = CoreSleep(tmp_path)
+    core_sleep = CoreSleep(True, tmp_path)
     assert core_sleep.prevent() == f"{tmp_path} refused: Is a directory; cores may sleep"
     core_sleep.allow()
 

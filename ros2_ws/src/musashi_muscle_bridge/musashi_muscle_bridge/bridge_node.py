@@ -22,6 +22,7 @@ from fastswing_msgs.msg import (
 )
 from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
+from fastswing_planner.real_time import PREVENT_CORE_SLEEP, CoreSleep
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.bus import group_urls
@@ -144,6 +145,7 @@ TABLE = (
         1.0,
     ),
     RAW_MESSAGES,
+    PREVENT_CORE_SLEEP,
 )
 
 
@@ -168,6 +170,7 @@ class BridgeNode(ManagedNode):
         self._values = parameters
         self._names = self._robot.model.muscle_names
         self._urls = group_urls(parameters["bus_url"], len(self._robot.board_groups))
+        self._core_sleep = CoreSleep(parameters["prevent_core_sleep"])
 
     def activate(self) -> None:
         """Open the bus, hold the measured lengths, listen to commands."""
@@ -209,6 +212,8 @@ class BridgeNode(ManagedNode):
             self._disconnect()
             raise
         self._heart = self.create_steady_timer(patience / _HEARTBEATS, self._beat)
+        if refusal := self._core_sleep.prevent():
+            self.tell_refusal(refusal)
         if not parameters["read_only"]:
             self._connect()
 
@@ -229,6 +234,7 @@ class BridgeNode(ManagedNode):
 
     def deactivate(self) -> None:
         """Stop sending frames: the boards' watchdog acts."""
+        self._core_sleep.allow()
         self.destroy_timer(self._heart)
         self._loop.stop()
         self._disconnect()
