@@ -13,7 +13,8 @@ Made by `make bench` (`test/bench/performance_page.py`). Do not edit it by hand.
 Every figure stands beside a baseline that was measured in the same run, in turns (A B A B). The
 ratio is the median over the rounds of the ratio to the baseline of the same round: it says more
 than the times, which change with the machine and with what else it does. Times are of the wall
-clock. `make bench-check` compares the ratios with `test/bench/accepted.json`.
+clock. `make bench-check` compares the ratios with `test/bench/accepted.json`. "Tuned" is with the
+[real-time rights](on_the_robot.md#real-time-rights) that a robot PC should give.
 """
 
 

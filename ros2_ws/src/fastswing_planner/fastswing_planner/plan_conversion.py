@@ -203,13 +203,11 @@ def _numbers(values: object) -> list[float]:
 
 
 def _points(trajectory: Trajectory) -> list[SwingPoint]:
+    fields = ("at_limit", *_POINT_VECTORS)
+    rows = zip(*(getattr(trajectory, name).tolist() for name in fields), strict=True)
     return [
-        SwingPoint(
-            time_from_start=float(time),
-            at_limit=trajectory.at_limit[step].tolist(),
-            **{name: getattr(trajectory, name)[step].tolist() for name in _POINT_VECTORS},
-        )
-        for step, time in enumerate(trajectory.time)
+        SwingPoint(time_from_start=time, **dict(zip(fields, row, strict=True)))
+        for time, row in zip(trajectory.time.tolist(), rows, strict=True)
     ]
 
 
