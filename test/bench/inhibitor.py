@@ -251,11 +251,11 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
     rows: list[Row] = []
     for pace, period in PERIODS_US.items():
         programs: dict[str, Callable[[], Figures]] = {
-            f"C echo {pace}": partial(echo, count, period)
+            f"C echo, {pace}": partial(echo, count, period)
         }
         for name, bench in running.items():
-            programs[f"{name} {pace}"] = partial(bench.ask, "closed", count, period)
-        programs[f"C echo, no core sleeps {pace}"] = partial(wakeful_echo, count, period)
+            programs[f"{name}, {pace}"] = partial(bench.ask, "closed", count, period)
+        programs[f"C echo, no core sleeps, {pace}"] = partial(wakeful_echo, count, period)
         results = in_turns(programs, rounds)
         base, ten, large, ordinary, tuned, wakeful = programs
         floor = "median <= 1.5, p99 <= 2.5"

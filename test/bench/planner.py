@@ -5,8 +5,8 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -50,6 +50,24 @@ planner = SwingPlanner(robot.model, robot.limits, solver_from(sys.argv[2]))
 begin = time.perf_counter()
 planner.plan(SwingRequest(robot.postures["start"], robot.postures["end"]))
 print(json.dumps(time.perf_counter() - begin))
+"""
+
+# A service that computes nothing and takes as long as a plan [s].
+_EMPTY = """
+import sys, time
+import rclpy
+from rclpy.experimental import EventsExecutor
+from rclpy.task import Future
+from fastswing_msgs.srv import PlanSwing
+def answer(request, response):
+    time.sleep(float(sys.argv[1]))
+    return response
+rclpy.init()
+node = rclpy.create_node("empty", enable_rosout=False, start_parameter_services=False)
+service = node.create_service(PlanSwing, "plan_swing", answer)
+executor = EventsExecutor()
+executor.add_node(node)
+executor.spin_until_future_complete(Future(), timeout_sec=3600.0)
 """
 
 
@@ -137,8 +155,31 @@ def _cold_rows(robot: Robot, count: int) -> list[Row]:
 
 
 @contextmanager
-def _asking(robot: Robot) -> Iterator[Callable[[], object]]:
-    """Yield a call that asks the installed planner for the robot's own swing."""
+def _planner(environment: Mapping[str, str]) -> Iterator[None]:
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "planner.log"
+        planner = Process("fastswing_planner", "planner", {}, environment, log)
+        try:
+            yield
+        finally:
+            stop_all([planner])
+
+
+@contextmanager
+def _empty_service(seconds: float, environment: Mapping[str, str]) -> Iterator[None]:
+    command = [sys.executable, "-c", _EMPTY, str(seconds)]
+    with subprocess.Popen(command, env=dict(environment)) as service:
+        try:
+            yield
+        finally:
+            service.kill()
+
+
+@contextmanager
+def _asking(
+    robot: Robot, server: Callable[[Mapping[str, str]], AbstractContextManager[None]]
+) -> Iterator[Callable[[], object]]:
+    """Yield a call that asks a server of `plan_swing` for the robot's own swing."""
     domain = free_domain()
     os.environ.update(isolated_environment(domain))
     context = rclpy.Context()
@@ -160,23 +201,20 @@ def _asking(robot: Robot) -> Iterator[Callable[[], object]]:
         response = answer.result()
         if response is None:
             client.remove_pending_request(answer)
-            raise TimeoutError("the planner does not answer")
+            raise TimeoutError("plan_swing does not answer")
         if response.error_code != ErrorCode.SUCCESS:
             raise ValueError(response.error_string)
         return response
 
-    with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "planner.log"
-        planner = Process("fastswing_planner", "planner", {}, isolated_environment(domain), log)
-        try:
+    try:
+        with server(isolated_environment(domain)):
             if not client.wait_for_service(_READY_SEC):
-                raise TimeoutError(f"no plan_swing: {planner.log_tail()}")
+                raise TimeoutError("no plan_swing")
             _first_answer(ask)
             yield ask
-        finally:
-            stop_all([planner])
-            node.destroy_node()
-            rclpy.shutdown(context=context)
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
 
 
 def _first_answer(ask: Callable[[float], object]) -> None:
@@ -190,9 +228,15 @@ def _first_answer(ask: Callable[[float], object]) -> None:
 
 
 def _service_rows(robot: Robot, rounds: int, count: int) -> list[Row]:
-    with _asking(robot) as ask:
-        solver = next(iter(SOLVERS))
-        calls = {"service": ask, "library": library(robot, solver)}
+    solver = next(iter(SOLVERS))
+    plan = library(robot, solver)
+    plan()
+    as_long = float(np.median(repeated(plan, count)()))
+    with (
+        _asking(robot, _planner) as ask,
+        _asking(robot, partial(_empty_service, as_long)) as ask_nothing,
+    ):
+        calls = {"service": ask, "library": plan, "empty": ask_nothing}
         found = _in_turns(calls, rounds, count)
     asked = row(
         f"plan through the service, {solver}",
@@ -200,10 +244,15 @@ def _service_rows(robot: Robot, rounds: int, count: int) -> list[Row]:
         against=(f"plan, {solver}", found["library"]),
     )
     added = [
-        one - float(sorted(other)[len(other) // 2])
+        one - float(np.median(other))
         for one, other in zip(found["service"], found["library"], strict=True)
     ]
-    return [asked, row("what the service adds", added, at_most=1.0)]
+    floor = [one - as_long for one in found["empty"]]
+    return [
+        asked,
+        row("what the service adds", added, at_most=1.0),
+        row("what a service adds that only waits as long", floor),
+    ]
 
 
 # Growth.

@@ -19,6 +19,7 @@ import numpy as np
 from board_times import BoardTimes, read_board_log
 from builtin_interfaces.msg import Duration
 from listening import Listener
+from machine import TUNED
 from numpy.typing import NDArray
 from pace_baseline import PaceBaseline
 from processes import Process, free_domain, free_udp_port, isolated_environment, stop_all
@@ -159,7 +160,9 @@ class TaskCode:
             raise RuntimeError(f"the inhibitor is not armed: {answer.error_string}")
 
 
-def _start(folder: Path, environment: Mapping[str, str]) -> list[Process]:
+def _start(
+    folder: Path, environment: Mapping[str, str], rights: Mapping[str, object]
+) -> list[Process]:
     bus = {"bus_url": f"udp://127.0.0.1:{free_udp_port()}"}
     inhibitor: dict[str, object] = {
         # The elbow goes to and fro for the whole run: neither turning back nor a stall of this
@@ -168,10 +171,11 @@ def _start(folder: Path, environment: Mapping[str, str]) -> list[Process]:
         "state_timeout": 1.0,
         "lease": 0.2,
         "max_time_limit": 60.0,
+        **rights,
     }
     nodes: tuple[tuple[str, str, dict[str, object]], ...] = (
         ("musashi_muscle_bridge", "mock_driver", {**bus, "board_log": folder / "boards.tsv"}),
-        ("musashi_muscle_bridge", "bridge", {**bus, "control_rate": RATE_HZ}),
+        ("musashi_muscle_bridge", "bridge", {**bus, "control_rate": RATE_HZ, **rights}),
         ("fastswing_planner", "planner", {}),
         ("fastswing_inhibitor", "inhibitor", inhibitor),
         ("fastswing_planner", "record", {"output": folder / "bag.mcap"}),
@@ -182,10 +186,16 @@ def _start(folder: Path, environment: Mapping[str, str]) -> list[Process]:
     ]
 
 
-def measure(folder: Path, seconds: float) -> tuple[Events, NDArray[np.float64]]:
-    """Return what happened in some seconds, and round trips of the baseline in the same [s]."""
+def measure(
+    folder: Path, seconds: float, rights: Mapping[str, object]
+) -> tuple[Events, NDArray[np.float64]]:
+    """Return what happened in some seconds, and round trips of the baseline in the same [s].
+
+    rights  parameters of bridge and inhibitor
+    """
+    folder.mkdir()
     domain = free_domain()
-    processes = _start(folder, isolated_environment(domain))
+    processes = _start(folder, isolated_environment(domain), rights)
     listener = Listener(domain)
     baseline: PaceBaseline | None = None
     try:
@@ -265,13 +275,32 @@ def _trace(
     return np.array(found).reshape(-1, len(STAGES)), lost, missing
 
 
-def _plot(stages: NDArray[np.float64], path: Path) -> None:
+def _plot(found: Mapping[str, NDArray[np.float64]], path: Path) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
-    figure, (bars, spread) = pyplot.subplots(1, 2, figsize=(11.0, 3.6), width_ratios=(2, 1))
+    figure, axes = pyplot.subplots(
+        len(found), 2, figsize=(11.0, 3.6 * len(found)), width_ratios=(2, 1), sharex="col"
+    )
+    for (bars, spread), (title, stages) in zip(axes, found.items(), strict=True):
+        _draw_waterfall(bars, stages)
+        bars.set_title(title)
+        total = np.sort(stages.sum(axis=1)) * 1e3
+        spread.plot(total, (np.arange(total.size) + 1) / total.size)
+        spread.set_ylabel("share of decisions")
+        spread.grid(alpha=0.3)
+    axes[-1][0].set_xlabel("time since the encoders changed [ms]; medians, bars: 10 to 90 %")
+    longest = max(float(np.percentile(stages.sum(axis=1), 99)) for stages in found.values())
+    axes[-1][1].set_xlim(0.0, longest * 1e3)
+    axes[-1][1].set_xlabel("encoder to zero current [ms]")
+    figure.tight_layout()
+    figure.savefig(path, dpi=120)
+    pyplot.close(figure)
+
+
+def _draw_waterfall(bars: Any, stages: NDArray[np.float64]) -> None:
     begin = 0.0
     for row in range(len(STAGES)):
         low, median, high = np.percentile(stages[:, row] * 1e3, (10, 50, 90))
@@ -285,18 +314,8 @@ def _plot(stages: NDArray[np.float64], path: Path) -> None:
         begin += median
     bars.set_yticks(range(len(STAGES)), STAGES)
     bars.invert_yaxis()
-    bars.margins(x=0.15)
+    bars.margins(x=0.2)
     bars.set_xlim(left=0.0)
-    bars.set_xlabel("time since the encoders changed [ms]; medians, bars: 10 to 90 %")
-    total = np.sort(stages.sum(axis=1)) * 1e3
-    spread.plot(total, (np.arange(total.size) + 1) / total.size)
-    spread.set_xlim(0.0, float(np.percentile(total, 99)))
-    spread.set_xlabel("encoder to zero current [ms], up to 99 %")
-    spread.set_ylabel("share of decisions")
-    spread.grid(alpha=0.3)
-    figure.tight_layout()
-    figure.savefig(path, dpi=120)
-    pyplot.close(figure)
 
 
 def _row(name: str, seconds: NDArray[np.float64], floor: float, note: str = "") -> Row:
@@ -313,25 +332,27 @@ def _row(name: str, seconds: NDArray[np.float64], floor: float, note: str = "") 
 
 
 def run(scale: float, plots: Path | None = None) -> list[Row]:
-    """Measure; `scale` 1 takes about a minute. Plot: performance_whole_loop.png."""
-    with tempfile.TemporaryDirectory() as name, on_cores(CORES):
-        events, round_trip = measure(Path(name), max(RUN_SEC * scale, 3.0))
-    stages = events.stages
+    """Measure; `scale` 1 takes about two minutes. Plot: performance_whole_loop.png."""
+    seconds = max(RUN_SEC * scale, 3.0)
+    with tempfile.TemporaryDirectory() as folder, on_cores(CORES):
+        found = {
+            title: measure(Path(folder) / title, seconds, rights)
+            for title, rights in {"as started": {}, "tuned": TUNED}.items()
+        }
+    drawn = {title: events.stages for title, (events, _) in found.items() if len(events.stages)}
+    if plots is not None and len(drawn) == len(found):
+        _plot(drawn, plots / "performance_whole_loop.png")
+    return [row for title, one in found.items() for row in _rows(title, *one)]
+
+
+def _rows(title: str, events: Events, round_trip: NDArray[np.float64]) -> list[Row]:
+    stages, name = events.stages, f"{title}: encoder to zero current"
     note = (
         f"{len(stages)} decisions, {events.lost} never obeyed, {events.missing} overrides not "
         f"recorded; {events.plans} plans meanwhile"
     )
     if not len(stages):
-        return [Row("encoder to zero current", float("nan"), note=note)]
-    if plots is not None:
-        _plot(stages, plots / "performance_whole_loop.png")
-    total = _row("encoder to zero current", stages.sum(axis=1), float(np.median(round_trip)), note)
-    return [total, *(_row(f"  {stage}", stages[:, n], 0.0) for n, stage in enumerate(STAGES))]
-
-
-if __name__ == "__main__":
-    for row in run(
-        float(sys.argv[1]) if len(sys.argv) > 1 else 1.0,
-        Path(sys.argv[2]) if len(sys.argv) > 2 else None,
-    ):
-        print(row)
+        return [Row(name, float("nan"), note=note)]
+    total = _row(name, stages.sum(axis=1), float(np.median(round_trip)), note)
+    alone = (_row(f"{title}:   {one}", stages[:, n], 0.0) for n, one in enumerate(STAGES))
+    return [total, *alone]
