@@ -118,7 +118,8 @@ class CoreSleep:
         """Let no core sleep until `allow`; returns what failed; empty if nothing did."""
         if self._wanted and self._held is None:
             try:
-                self._held = self._path.open("wb", buffering=0)
+                # Not "wb": where the kernel has no such file, that would make one.
+                self._held = self._path.open("r+b", buffering=0)
                 self._held.write(_NO_LATENCY_US)
             except OSError as error:
                 self.allow()

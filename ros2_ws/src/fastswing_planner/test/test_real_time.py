@@ -104,6 +104,7 @@ def test_cores_sleep_unless_asked_not_to(tmp_path: Path) -> None:
 
 def test_cores_may_sleep_again(tmp_path: Path) -> None:
     file = tmp_path / "latency"
+    file.touch()
     core_sleep = CoreSleep(True, file)
     core_sleep.prevent()
     core_sleep.allow()
@@ -114,7 +115,13 @@ def test_cores_may_sleep_again(tmp_path: Path) -> None:
 def test_a_kernel_that_lets_cores_sleep_is_told(tmp_path: Path) -> None:
     core_sleep = CoreSleep(True, tmp_path)
     assert core_sleep.prevent() == f"{tmp_path} refused: Is a directory; cores may sleep"
-    core_sleep.allow()
+
+
+def test_a_kernel_without_the_file_is_told_and_none_is_made(tmp_path: Path) -> None:
+    file = tmp_path / "latency"
+    refused = CoreSleep(True, file).prevent()
+    assert refused == f"{file} refused: No such file or directory; cores may sleep"
+    assert not file.exists()
 
 
 def test_what_was_there_is_out_of_the_garbage_collectors_sight() -> None:
