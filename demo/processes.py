@@ -13,6 +13,7 @@ from pathlib import Path
 from ament_index_python.packages import get_package_prefix
 
 _PR_SET_PDEATHSIG = 1
+_ABORT_SEC = 5.0
 _FIRST_PORT, _PORTS_PER_DOMAIN = 7400, 250
 
 
@@ -53,6 +54,7 @@ def isolated_environment(domain: int) -> dict[str, str]:
         "ROS_STATIC_PEERS": "",
         "RCUTILS_COLORIZED_OUTPUT": "0",
         "PYTHONUNBUFFERED": "1",
+        "PYTHONFAULTHANDLER": "1",  # for `Process.wait`
     }
 
 
@@ -115,9 +117,16 @@ class Process:
             self._process.send_signal(signal_number)
 
     def wait(self, timeout: float) -> int:
-        """Return the exit code; kills the process after `timeout` [s]."""
+        """Return the exit code; abort the process after `timeout` [s]: its log says where it was.
+
+        One that does not even die of that is killed.
+        """
         try:
             return self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.send(signal.SIGABRT)
+        try:
+            return self._process.wait(_ABORT_SEC)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()

@@ -196,6 +196,7 @@ class Outage:
     """What the task code saw of a goal that it sent during a short outage, some time after."""
     running_after: dict[str, bool]
     exit_codes: dict[str, int]
+    last_words: dict[str, str]
 
     @property
     def results_during(self) -> list[Any]:
@@ -251,6 +252,7 @@ def carry_out(laboratory: Laboratory) -> Outage:
         late_goal,
         running,
         laboratory.close(),
+        {process.name: process.log_tail(60) for process in laboratory.processes},
     )
 
 
@@ -352,4 +354,5 @@ def test_no_node_ended_meanwhile(outage: Outage) -> None:
 
 
 def test_every_node_ends_cleanly_afterwards(outage: Outage) -> None:
-    assert set(outage.exit_codes.values()) == {0}
+    unclean = {name: code for name, code in outage.exit_codes.items() if code}
+    assert unclean == {}, "\n".join(outage.last_words[name] for name in unclean)

@@ -124,7 +124,9 @@ def test_a_recorder_in_a_namespace_records_that_arm(arms: tuple[Arm, Arm], tmp_p
     suite = left.suite
     recorder = suite.start("record", output=tmp_path / "left.mcap")
     suite.wait_for_state("record", State.PRIMARY_STATE_ACTIVE)
-    suite.let_states_pass()
+    # Discovery takes the recorder as long as it likes, whatever this test's own node hears.
+    states = "messages /left/muscle_state"
+    suite.until("recorded states", lambda: suite.reported("left/recorder", states) not in ("", "0"))
     recorder.send(signal.SIGINT)
     assert recorder.wait(30.0) == 0
     del suite.processes["record"]
