@@ -1,7 +1,7 @@
 """How long from a joint state to its override, beside an echo in C.
 
 The installed inhibitor, with its real messages, model, status and diagnostics, is asked by a C
-program that plays the bridge; an echo of ten numbers in C takes turns with it.
+program that plays the bridge; echoes of ten numbers, in C and in rclpy, take turns with it.
 
 scripts/ros_env python test/bench/inhibitor.py [SCALE]
 """
@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -44,6 +44,7 @@ QUESTION = "How long from a joint state to its override, beside an echo in C?"
 ROUNDS, MESSAGES, WARM_UP = 10, 2000, 200
 STEADY_SEC, LONG_SEC, SEGMENT_SEC = 60.0, 600.0, 50.0
 PERIODS_US = {"back to back": 0, "at 1 kHz": 1000}
+RCLPY_ECHO = (sys.executable, str(Path(__file__).with_name("rclpy_echo.py")))
 # A shared machine stalls for longer than a robot PC may.
 PATIENCE = {"state_timeout": 0.3, "lease": 0.2, "max_time_limit": 60.0}
 _DISCOVERY_SEC = 30.0
@@ -143,29 +144,31 @@ class InhibitorBench:
         self._asker.close()
 
 
-def echo(count: int, period_us: int) -> Figures:
-    """Return what the echo in C takes."""
+def echo(count: int, period_us: int, server: Sequence[str] = ()) -> Figures:
+    """Return what an echo takes; by the program in C unless another `server` is named."""
     environment = isolated_environment(free_domain())
     program = str(baseline("rcl_echo"))
-    server = subprocess.Popen([program, "server", "0"], env=environment, stderr=subprocess.DEVNULL)
+    echoing = subprocess.Popen(
+        server or (program, "server", "0"), env=environment, stderr=subprocess.DEVNULL
+    )
     try:
         arguments = [program, "client", "0", str(count), str(WARM_UP), str(period_us)]
         done = subprocess.run(
             arguments, env=environment, capture_output=True, text=True, check=True
         )
     finally:
-        server.terminate()
-        server.wait()
+        echoing.terminate()
+        echoing.wait()
     figures: Figures = json.loads(done.stdout)
     return figures
 
 
-def wakeful_echo(count: int, period_us: int) -> Figures:
-    """Return what the echo takes while no core sleeps, where the kernel lets us ask for that."""
+def wakeful(program: Callable[[], Figures]) -> Figures:
+    """Return what a program takes while no core sleeps, where the kernel lets us ask for that."""
     core_sleep = CoreSleep(True)
     core_sleep.prevent()
     try:
-        return echo(count, period_us)
+        return program()
     finally:
         core_sleep.allow()
 
@@ -250,26 +253,43 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
     count = max(round(MESSAGES * min(scale, 1.0)), 100)
     rows: list[Row] = []
     for pace, period in PERIODS_US.items():
-        programs: dict[str, Callable[[], Figures]] = {
-            f"C echo, {pace}": partial(echo, count, period)
-        }
-        for name, bench in running.items():
-            programs[f"{name}, {pace}"] = partial(bench.ask, "closed", count, period)
-        programs[f"C echo, no core sleeps, {pace}"] = partial(wakeful_echo, count, period)
-        results = in_turns(programs, rounds)
-        base, ten, large, ordinary, tuned, wakeful = programs
+        echoes = {"C echo": partial(echo, count, period)}
+        echoes["rclpy echo"] = partial(echo, count, period, RCLPY_ECHO)
+        own = {name: partial(bench.ask, "closed", count, period) for name, bench in running.items()}
+        results = in_turns(
+            {
+                **echoes,
+                **own,
+                **{
+                    f"{name}, no core sleeps": partial(wakeful, one) for name, one in echoes.items()
+                },
+            },
+            rounds,
+        )
         floor = "median <= 1.5, p99 <= 2.5"
-        beside = compared(results, tuned, wakeful).ratio
+        beside = compared(results, "inhibitor, tuned", "C echo, no core sleeps").ratio
         rows += [
-            plain(results, base),
-            plain(results, wakeful),
-            judged(compared(results, ten, base), 1.5, 2.5, floor),
             replace(
-                judged(compared(results, tuned, base), 1.5, 2.5, floor),
-                note=f"{beside:.3g} times the echo while no core sleeps",
-            ),
-            judged(compared(results, large, ten), 1.3, None, "median <= 1.3"),
-            compared(results, ordinary, base),
+                one, name=f"{one.name}, {pace}", baseline=one.baseline and f"{one.baseline}, {pace}"
+            )
+            for one in (
+                plain(results, "C echo"),
+                compared(results, "rclpy echo", "C echo"),
+                plain(results, "C echo, no core sleeps"),
+                compared(results, "rclpy echo, no core sleeps", "C echo, no core sleeps"),
+                judged(compared(results, "inhibitor", "C echo"), 1.5, 2.5, floor),
+                replace(
+                    judged(compared(results, "inhibitor, tuned", "C echo"), 1.5, 2.5, floor),
+                    note=f"{beside:.3g} times the echo while no core sleeps",
+                ),
+                judged(
+                    compared(results, "inhibitor, 74 muscles", "inhibitor"),
+                    1.3,
+                    None,
+                    "median <= 1.3",
+                ),
+                compared(results, "inhibitor, raw_messages off", "C echo"),
+            )
         ]
     return rows
 

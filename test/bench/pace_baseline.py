@@ -1,6 +1,8 @@
 """What this machine allows a control loop: the C program udp_pace, beside what is measured."""
 
+import os
 import subprocess
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +34,19 @@ class Pace:
 class PaceBaseline:
     """The program, running."""
 
-    def __init__(self, frame_size: int, period: float, seconds: float) -> None:
-        """Build and start it: frames of `frame_size` bytes, one per `period` [s]."""
+    def __init__(
+        self,
+        frame_size: int,
+        period: float,
+        seconds: float,
+        core: int | None = None,
+        priority: int = 0,
+    ) -> None:
+        """Build and start it: frames of `frame_size` bytes, one per `period` [s].
+
+        core      the only one that it runs on, so that it sees this one's stalls
+        priority  of SCHED_FIFO; 0: an ordinary program, as it is too where the kernel refuses
+        """
         program = baseline("udp_pace")
         port = str(free_udp_port())
         self._echo = subprocess.Popen([program, "echo", port])
@@ -44,6 +57,11 @@ class PaceBaseline:
             stdout=subprocess.PIPE,
             text=True,
         )
+        if core is not None:
+            os.sched_setaffinity(self._loop.pid, {core})
+        if priority:
+            with suppress(OSError):
+                os.sched_setscheduler(self._loop.pid, os.SCHED_FIFO, os.sched_param(priority))
 
     def result(self) -> Pace:
         """Wait for its end."""
