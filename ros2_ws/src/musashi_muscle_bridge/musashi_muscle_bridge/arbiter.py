@@ -11,11 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Vector, frozen
+from fastswing_planner.arrays import BoolVector, Vector, frozen, made_frozen
 from musashi_muscle_bridge.commands import check_lease
 from musashi_muscle_bridge.protocol import Mode
 
 ModeVector = NDArray[np.uint8]
+
+# Plain numbers: numpy takes them much faster than an enumeration's members.
+_ZERO_CURRENT, _LENGTH = int(Mode.ZERO_CURRENT), np.uint8(Mode.LENGTH)
 
 _ALL = slice(None)
 _MAX_STEP_SEC = 0.05
@@ -199,13 +202,12 @@ class CommandArbiter:
         if self._at_target and not np.count_nonzero(faulty):
             # Nothing but new length commands since every muscle followed them: it still does.
             if self._sent is None:
-                self._active[:] = self._target
+                self._active[...] = self._target
                 self._sent = Setpoints(self._all_length, frozen(self._target))
             return self._sent
         self._sent = None
         self._faulty |= faulty | ~np.isfinite(length + tension)
-        mode = np.full(length.size, Mode.LENGTH, dtype=np.uint8)
-        value = np.zeros(length.size)
+        mode, value = self._all_length.copy(), np.zeros(length.size)
         for stream_mode, (stream, received) in self._stream.items() if self._streaming else ():
             fresh = self._now - received <= self._limits.stream_timeout
             mode[fresh] = stream_mode
@@ -215,33 +217,47 @@ class CommandArbiter:
             received[~fresh] = -np.inf
         if self._streaming:
             self._streaming = any(np.isfinite(end).any() for _, end in self._stream.values())
-        off = (self.overridden(self._now) & ~self._kept) | self._faulty | self.emergency
-        mode[off] = Mode.ZERO_CURRENT
+        off = (self.overridden(self._now) & ~self._kept) | self._faulty
+        if self.emergency:
+            off[:] = True
+        mode[off] = _ZERO_CURRENT
         value[off] = 0.0
-        in_length = mode == Mode.LENGTH
-        value[in_length] = self._lengths(in_length, length, tension, elapsed)[in_length]
+        in_length = mode == _LENGTH
+        lengths = self._lengths(in_length, length, tension, elapsed)
+        np.copyto(value, lengths, where=in_length)
         waiting = self._engaging | self._restarted | ~in_length
         self._at_target = not np.count_nonzero(waiting)
-        return Setpoints(mode, frozen(value))
+        return Setpoints(mode, made_frozen(value))
 
     def _lengths(
         self, in_length: BoolVector, length: Vector, tension: Vector, elapsed: float
     ) -> Vector:
         entering = in_length & np.isnan(self._active)
         self._active[~in_length] = np.nan
-        self._active[entering] = length[entering]
-        self._engaging |= entering
+        if np.count_nonzero(entering):
+            self._active[entering] = length[entering]
+            self._engaging |= entering
         holding = in_length & np.isnan(self._target)
         if np.count_nonzero(holding):
             self._hold_active(holding)
-        # Bumpless: from the measured length to the commanded one within speed and tension limits.
+        moved = self._target
+        if np.count_nonzero(self._engaging):
+            moved = self._engaged(tension, elapsed)
+            self._engaging &= in_length & (moved != self._target)
+        np.copyto(self._active, moved, where=in_length)
+        return self._active
+
+    def _engaged(self, tension: Vector, elapsed: float) -> Vector:
+        """Bumpless: from the measured length to the commanded one within speed and tension limits.
+
+        Return the next lengths [m], shape (m,).
+        """
         reach = self._limits.velocity * elapsed
         change = np.minimum(np.maximum(self._target - self._active, -reach), reach)
         change[(tension > self._limits.tension_max) & (change < 0.0)] = 0.0
-        moved = np.where(self._engaging, self._active + change, self._target)
-        self._engaging &= in_length & (moved != self._target)
-        self._active[in_length] = moved[in_length]
-        return self._active
+        moved = self._target.copy()
+        np.add(self._active, change, out=moved, where=self._engaging)
+        return moved
 
     def _hold_active(self, holding: BoolVector) -> None:
         low, high = self._range[Mode.LENGTH]

@@ -148,7 +148,7 @@ class ClosedLoop:
         inhibited: list[int] = []
         if self._inhibition.armed:
             decision = self._inhibition.decide(joints)
-            inhibited = np.flatnonzero(decision.inhibited).tolist()
+            inhibited = decision.inhibited.nonzero()[0].tolist()
             execution.add_inhibition(
                 InhibitionReport(
                     self._now,
