@@ -14,9 +14,7 @@ BoolVector = NDArray[np.bool_]
 
 def frozen(values: ArrayLike) -> Vector:
     """Return a read-only float copy of `values`."""
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
+    return made_frozen(np.array(values, dtype=np.float64))
 
 
 def made_frozen(array: Vector) -> Vector:

@@ -86,6 +86,8 @@ class CommandArbiter:
         self._now = -np.inf
         self._at_target = False  # every muscle was sent its latched length, by the last update
         self._sent: Setpoints | None = None  # what stays valid until the next length command
+        # Who was at zero current and what was sent, while no muscle moves and nobody commands.
+        self._still: tuple[bytes, Setpoints] | None = None
         self._all_length = np.full(count, Mode.LENGTH, dtype=np.uint8)
         self._all_length.setflags(write=False)
         self.emergency = False
@@ -100,6 +102,7 @@ class CommandArbiter:
         now  when it was made: one from before a hold, or before faults were cleared, may come after
              it, and is counted as outdated
         """
+        self._still = None
         chosen = index if isinstance(index, slice) else np.asarray(index, dtype=int)
         outdated = now < self._forgotten_until[chosen]
         too_late = int(np.count_nonzero(outdated))
@@ -139,8 +142,9 @@ class CommandArbiter:
             return
         self._overriding = len(index) > 0
         self._at_target = False
-        self._override_until[:] = -np.inf
-        self._override_until[np.asarray(index, dtype=int)] = now + lease
+        self._override_until.fill(-np.inf)
+        if index:
+            self._override_until[np.asarray(index, dtype=int)] = now + lease
 
     def emergency_stop(self) -> None:
         """Zero current on every muscle until the faults are cleared."""
@@ -166,6 +170,7 @@ class CommandArbiter:
         """
         now = self._now if now is None else now
         self._at_target = False
+        self._still = None
         self._forgotten_until[index] = np.maximum(self._forgotten_until[index], now)
         self._target[index] = np.nan
         self._active[index] = np.nan
@@ -207,6 +212,10 @@ class CommandArbiter:
             return self._sent
         self._sent = None
         self._faulty |= faulty | ~np.isfinite(length + tension)
+        off = self._off()
+        if self._still is not None and self._still[0] == off.tobytes():
+            self._at_target = not np.count_nonzero(off)
+            return self._still[1]
         mode, value = self._all_length.copy(), np.zeros(length.size)
         for stream_mode, (stream, received) in self._stream.items() if self._streaming else ():
             fresh = self._now - received <= self._limits.stream_timeout
@@ -217,17 +226,25 @@ class CommandArbiter:
             received[~fresh] = -np.inf
         if self._streaming:
             self._streaming = any(np.isfinite(end).any() for _, end in self._stream.values())
-        off = (self.overridden(self._now) & ~self._kept) | self._faulty
-        if self.emergency:
-            off[:] = True
         mode[off] = _ZERO_CURRENT
         value[off] = 0.0
         in_length = mode == _LENGTH
-        lengths = self._lengths(in_length, length, tension, elapsed)
-        np.copyto(value, lengths, where=in_length)
-        waiting = self._engaging | self._restarted | ~in_length
-        self._at_target = not np.count_nonzero(waiting)
-        return Setpoints(mode, made_frozen(value))
+        np.copyto(value, self._lengths(in_length, length, tension, elapsed), where=in_length)
+        setpoints = Setpoints(mode, made_frozen(value))
+        moving = self._streaming or np.count_nonzero(self._engaging | self._restarted) > 0
+        self._still = None if moving else (off.tobytes(), setpoints)
+        self._at_target = not moving and np.count_nonzero(in_length) == in_length.size
+        return setpoints
+
+    def _off(self) -> BoolVector:
+        """Return which muscles are at zero current now, whatever else is commanded."""
+        off = self.overridden(self._now)
+        if self._some_kept:
+            off &= ~self._kept
+        off |= self._faulty
+        if self.emergency:
+            off[:] = True
+        return off
 
     def _lengths(
         self, in_length: BoolVector, length: Vector, tension: Vector, elapsed: float

@@ -165,7 +165,8 @@ class Plant:
         rate = self._path_velocity[self._tendons] - self._winch_velocity
         # A slack or broken wire pulls nothing, and damping never pushes.
         pull = self._stiffness * stretch + self._wire_damping * rate
-        tension = np.maximum(pull, _ZERO) * (stretch > _ZERO)
+        tension = np.maximum(pull, _ZERO)
+        tension[stretch <= _ZERO] = 0.0
         if np.count_nonzero(self.wire_broken):
             tension[self.wire_broken] = 0.0
         self._tension = tension
