@@ -230,6 +230,7 @@ class CommandArbiter:
         value[off] = 0.0
         in_length = mode == _LENGTH
         np.copyto(value, self._lengths(in_length, length, tension, elapsed), where=in_length)
+        mode.setflags(write=False)
         setpoints = Setpoints(mode, made_frozen(value))
         moving = self._streaming or np.count_nonzero(self._engaging | self._restarted) > 0
         self._still = None if moving else (off.tobytes(), setpoints)
