@@ -1,5 +1,6 @@
 """The figures of a measured swing."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +30,7 @@ class SwingMeasurement:
     def __init__(self, joint_count: int, muscle_count: int, start_time: float) -> None:
         """Start at the swing command, at `start_time` [s]."""
         self._start_time = start_time
-        self._time_cost = np.nan
+        self._time_cost = math.nan
         self._joint_velocity = np.zeros(joint_count)
         self._muscle_velocity = np.zeros(muscle_count)
         self._tension = np.zeros(muscle_count)
@@ -37,7 +38,7 @@ class SwingMeasurement:
     @property
     def arrived(self) -> bool:
         """Whether the end posture was reached."""
-        return not np.isnan(self._time_cost)
+        return not math.isnan(self._time_cost)
 
     def add_joints(
         self, time: float, joint_velocity: Vector, distance: float, epsilon: float
@@ -56,7 +57,7 @@ class SwingMeasurement:
         """Return what was collected so far."""
         return SwingFigures(
             frozen(self._joint_velocity),
-            float(self._time_cost),
+            self._time_cost,
             frozen(self._muscle_velocity),
             frozen(self._tension),
         )

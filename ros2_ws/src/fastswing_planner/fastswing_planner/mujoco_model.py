@@ -7,7 +7,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
+from fastswing_planner.arrays import (
+    Matrix,
+    Vector,
+    constant,
+    contiguous,
+    frozen,
+    made_frozen,
+    unique_known,
+)
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.mjcf_names import (
@@ -20,7 +28,7 @@ from fastswing_planner.mjcf_names import (
 from fastswing_planner.muscle_model import Payload
 
 _SHORTEST = 1e-6  # [m]
-_SMALLEST_ARM = 1e-9  # [m/rad]; less is round-off
+_SMALLEST_ARM = constant(1e-9)  # [m/rad]; less is round-off
 
 
 def load_mjcf(path: Path) -> mujoco.MjModel:
@@ -89,7 +97,7 @@ class MujocoMuscleModel:
         places = sparse_places(model)[self._tendons]
         if not self._coupling.followers:
             places = places[:, self._dofs]
-        self._present, self._places = places >= 0, np.maximum(places, 0)
+        self._absent, self._places = places < 0, np.maximum(places, 0)
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
         for posture in postures:
             refuse_restrained_joints(model, self._coupling, posture)
@@ -136,12 +144,11 @@ class MujocoMuscleModel:
         """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
         arms = self._sparse_arms.take(self._places)
+        arms[self._absent] = 0.0
         if self._coupling.followers:
-            arms = np.where(self._present, arms, 0.0) @ rates
-            moves = ~(np.abs(arms) < _SMALLEST_ARM)
-        else:
-            moves = self._present & ~(np.abs(arms) < _SMALLEST_ARM)
-        return made_frozen(np.where(moves, arms, 0.0))
+            arms = arms @ rates
+        arms[np.abs(arms) < _SMALLEST_ARM] = 0.0
+        return made_frozen(arms)
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

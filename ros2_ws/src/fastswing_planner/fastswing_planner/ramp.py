@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from fastswing_planner.arrays import Vector
+from fastswing_planner.arrays import Vector, constant
+
+_ZERO = constant(0.0)
 
 
 def velocity_bounds(
@@ -33,6 +35,6 @@ def ramp_bounds(
     #   l_dot^max = min(l_dot + alpha dt, l_dot^limit)
     #   l_dot^min = min(l_dot - alpha dt, 0)
     # l_dot < 0 mirrors it, and at rest both directions gain alpha dt.
-    upper = np.minimum(np.maximum(velocity + gain, 0.0), upper_limit)
-    lower = np.maximum(np.minimum(velocity - gain, 0.0), lower_limit)
+    upper = np.minimum(np.maximum(velocity + gain, _ZERO), upper_limit)
+    lower = np.maximum(np.minimum(velocity - gain, _ZERO), lower_limit)
     return lower, upper

@@ -19,10 +19,12 @@ class RestWatch:
     def add(self, time: float, joint_velocity: Vector) -> None:
         """Take joint speeds [rad/s], shape (n,), measured at `time` [s]."""
         # Plain numbers: for a few joints they are faster than numpy. NaN does not rest.
-        slowest = self._rest_speed
-        if not all(abs(speed) <= slowest for speed in joint_velocity.tolist()):
-            self._since = None
-        elif self._since is None:
+        limit = self._rest_speed
+        for speed in joint_velocity.tolist():
+            if not -limit <= speed <= limit:
+                self._since = None
+                return
+        if self._since is None:
             self._since = time
 
     def resting(self, now: float) -> bool:

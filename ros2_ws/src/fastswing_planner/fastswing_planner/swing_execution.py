@@ -209,6 +209,8 @@ class SwingExecution:
         since, or if a phase would take longer than its limit.
         """
         self._swing = swing
+        # Plain numbers: the standard library's norms take a fifth of the time with them.
+        self._start, self._end = swing.start.tolist(), swing.end.tolist()
         self._settings = settings
         self._joints = joints
         self._muscles = muscles
@@ -270,7 +272,7 @@ class SwingExecution:
     @property
     def distance_to_end(self) -> float:
         """Norm of the distance to the end posture [rad]."""
-        return math.dist(self._swing.end, self._joints.position)
+        return math.dist(self._end, self._joints.position.tolist())
 
     def age(self, now: float) -> float:
         """Return how old the older of the last two states is at time `now` [s]."""
@@ -371,7 +373,7 @@ class SwingExecution:
 
     @property
     def _distance_to_start(self) -> float:
-        return math.dist(self._swing.start, self._joints.position)
+        return math.dist(self._start, self._joints.position.tolist())
 
     @property
     def _arrived(self) -> bool:

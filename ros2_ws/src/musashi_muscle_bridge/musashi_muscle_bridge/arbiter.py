@@ -11,11 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Vector, frozen
+from fastswing_planner.arrays import BoolVector, Vector, frozen, made_frozen
 from musashi_muscle_bridge.commands import check_lease
 from musashi_muscle_bridge.protocol import Mode
 
 ModeVector = NDArray[np.uint8]
+
+# Plain numbers: numpy takes them much faster than an enumeration's members.
+_ZERO_CURRENT, _LENGTH = int(Mode.ZERO_CURRENT), np.uint8(Mode.LENGTH)
 
 _ALL = slice(None)
 _MAX_STEP_SEC = 0.05
@@ -83,6 +86,8 @@ class CommandArbiter:
         self._now = -np.inf
         self._at_target = False  # every muscle was sent its latched length, by the last update
         self._sent: Setpoints | None = None  # what stays valid until the next length command
+        # Who was at zero current and what was sent, while no muscle moves and nobody commands.
+        self._still: tuple[bytes, Setpoints] | None = None
         self._all_length = np.full(count, Mode.LENGTH, dtype=np.uint8)
         self._all_length.setflags(write=False)
         self.emergency = False
@@ -97,6 +102,7 @@ class CommandArbiter:
         now  when it was made: one from before a hold, or before faults were cleared, may come after
              it, and is counted as outdated
         """
+        self._still = None
         chosen = index if isinstance(index, slice) else np.asarray(index, dtype=int)
         outdated = now < self._forgotten_until[chosen]
         too_late = int(np.count_nonzero(outdated))
@@ -136,8 +142,9 @@ class CommandArbiter:
             return
         self._overriding = len(index) > 0
         self._at_target = False
-        self._override_until[:] = -np.inf
-        self._override_until[np.asarray(index, dtype=int)] = now + lease
+        self._override_until.fill(-np.inf)
+        if index:
+            self._override_until[np.asarray(index, dtype=int)] = now + lease
 
     def emergency_stop(self) -> None:
         """Zero current on every muscle until the faults are cleared."""
@@ -163,6 +170,7 @@ class CommandArbiter:
         """
         now = self._now if now is None else now
         self._at_target = False
+        self._still = None
         self._forgotten_until[index] = np.maximum(self._forgotten_until[index], now)
         self._target[index] = np.nan
         self._active[index] = np.nan
@@ -199,13 +207,16 @@ class CommandArbiter:
         if self._at_target and not np.count_nonzero(faulty):
             # Nothing but new length commands since every muscle followed them: it still does.
             if self._sent is None:
-                self._active[:] = self._target
+                self._active[...] = self._target
                 self._sent = Setpoints(self._all_length, frozen(self._target))
             return self._sent
         self._sent = None
         self._faulty |= faulty | ~np.isfinite(length + tension)
-        mode = np.full(length.size, Mode.LENGTH, dtype=np.uint8)
-        value = np.zeros(length.size)
+        off = self._off()
+        if self._still is not None and self._still[0] == off.tobytes():
+            self._at_target = not np.count_nonzero(off)
+            return self._still[1]
+        mode, value = self._all_length.copy(), np.zeros(length.size)
         for stream_mode, (stream, received) in self._stream.items() if self._streaming else ():
             fresh = self._now - received <= self._limits.stream_timeout
             mode[fresh] = stream_mode
@@ -215,33 +226,56 @@ class CommandArbiter:
             received[~fresh] = -np.inf
         if self._streaming:
             self._streaming = any(np.isfinite(end).any() for _, end in self._stream.values())
-        off = (self.overridden(self._now) & ~self._kept) | self._faulty | self.emergency
-        mode[off] = Mode.ZERO_CURRENT
+        mode[off] = _ZERO_CURRENT
         value[off] = 0.0
-        in_length = mode == Mode.LENGTH
-        value[in_length] = self._lengths(in_length, length, tension, elapsed)[in_length]
-        waiting = self._engaging | self._restarted | ~in_length
-        self._at_target = not np.count_nonzero(waiting)
-        return Setpoints(mode, frozen(value))
+        in_length = mode == _LENGTH
+        np.copyto(value, self._lengths(in_length, length, tension, elapsed), where=in_length)
+        mode.setflags(write=False)
+        setpoints = Setpoints(mode, made_frozen(value))
+        moving = self._streaming or np.count_nonzero(self._engaging | self._restarted) > 0
+        self._still = None if moving else (off.tobytes(), setpoints)
+        self._at_target = not moving and np.count_nonzero(in_length) == in_length.size
+        return setpoints
+
+    def _off(self) -> BoolVector:
+        """Return which muscles are at zero current now, whatever else is commanded."""
+        off = self.overridden(self._now)
+        if self._some_kept:
+            off &= ~self._kept
+        off |= self._faulty
+        if self.emergency:
+            off[:] = True
+        return off
 
     def _lengths(
         self, in_length: BoolVector, length: Vector, tension: Vector, elapsed: float
     ) -> Vector:
         entering = in_length & np.isnan(self._active)
         self._active[~in_length] = np.nan
-        self._active[entering] = length[entering]
-        self._engaging |= entering
+        if np.count_nonzero(entering):
+            self._active[entering] = length[entering]
+            self._engaging |= entering
         holding = in_length & np.isnan(self._target)
         if np.count_nonzero(holding):
             self._hold_active(holding)
-        # Bumpless: from the measured length to the commanded one within speed and tension limits.
+        moved = self._target
+        if np.count_nonzero(self._engaging):
+            moved = self._engaged(tension, elapsed)
+            self._engaging &= in_length & (moved != self._target)
+        np.copyto(self._active, moved, where=in_length)
+        return self._active
+
+    def _engaged(self, tension: Vector, elapsed: float) -> Vector:
+        """Bumpless: from the measured length to the commanded one within speed and tension limits.
+
+        Return the next lengths [m], shape (m,).
+        """
         reach = self._limits.velocity * elapsed
         change = np.minimum(np.maximum(self._target - self._active, -reach), reach)
         change[(tension > self._limits.tension_max) & (change < 0.0)] = 0.0
-        moved = np.where(self._engaging, self._active + change, self._target)
-        self._engaging &= in_length & (moved != self._target)
-        self._active[in_length] = moved[in_length]
-        return self._active
+        moved = self._target.copy()
+        np.add(self._active, change, out=moved, where=self._engaging)
+        return moved
 
     def _hold_active(self, holding: BoolVector) -> None:
         low, high = self._range[Mode.LENGTH]

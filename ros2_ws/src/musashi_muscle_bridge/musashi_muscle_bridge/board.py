@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Vector
+from fastswing_planner.arrays import BoolVector, Vector, constant
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.plant import Drive, Plant
 from musashi_muscle_bridge.plant_constants import plant_constants
@@ -19,6 +19,7 @@ from musashi_muscle_bridge.protocol import (
     Rows,
     StateFrame,
     WatchdogAction,
+    copied,
 )
 
 _TENSION_GAIN = 0.01  # [m/s/N]
@@ -57,7 +58,7 @@ class Boards:
         """Start at zero current; `plant` is the robot's own unless another is given."""
         self.plant = plant or Plant(robot)
         count = self.plant.length.size
-        self._length_gain = plant_constants(robot.plant).length_gain
+        self._length_gain = constant(plant_constants(robot.plant).length_gain)
         self._ids = np.arange(count, dtype="<u2")
         joints = self.plant.joint_position.size
         self._groups = tuple(
@@ -78,9 +79,12 @@ class Boards:
         self._velocity_limit = robot.limits.velocity
         self._holds_in_silence = np.zeros(count, dtype=bool)  # the watchdog action
         self._ahead = 0.0
-        self._answer = np.zeros(count, dtype=STATE_ROW)  # what never changes in an answer
-        self._answer["id"] = self._ids
-        self._joint_answer = np.zeros(self.plant.joint_position.size, dtype=JOINT_ROW)
+        # The answer, and views of its columns: looked up once, written in every answer.
+        self._rows = np.zeros(count, dtype=STATE_ROW)
+        self._rows["id"] = self._ids
+        self._columns = {name: self._rows[name] for name in STATE_ROW.names or ()}
+        self._joint_rows = np.zeros(joints, dtype=JOINT_ROW)
+        self._joint_columns = {name: self._joint_rows[name] for name in JOINT_ROW.names or ()}
         self._sort_modes()
 
     @property
@@ -130,19 +134,17 @@ class Boards:
 
     def state(self, sequence: int) -> StateFrame:
         """Return what was measured on the whole arm."""
-        plant = self.plant
-        rows = self._answer.copy()
-        rows["mode"] = self._mode
-        rows["fault"] = self.fault
-        rows["length"] = plant.length
-        rows["velocity"] = plant.velocity
-        rows["tension"] = plant.tension
-        rows["current"] = plant.current
-        rows["temperature"] = plant.housing_temperature
-        joints = self._joint_answer.copy()
-        joints["position"] = plant.joint_position
-        joints["velocity"] = plant.joint_velocity
-        return StateFrame(sequence, rows, joints)
+        plant, columns, joint_columns = self.plant, self._columns, self._joint_columns
+        columns["mode"][...] = self._mode
+        columns["fault"][...] = self.fault
+        columns["length"][...] = plant.length
+        columns["velocity"][...] = plant.velocity
+        columns["tension"][...] = plant.tension
+        columns["current"][...] = plant.current
+        columns["temperature"][...] = plant.housing_temperature
+        joint_columns["position"][...] = plant.joint_position
+        joint_columns["velocity"][...] = plant.joint_velocity
+        return StateFrame(sequence, copied(self._rows), copied(self._joint_rows))
 
     def advance(self, elapsed: float) -> None:
         """Let `elapsed` [s] pass; the part below one time step is kept for the next call."""

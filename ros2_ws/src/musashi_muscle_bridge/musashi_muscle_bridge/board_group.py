@@ -182,7 +182,7 @@ class GroupControl:
 
     def _frame(self) -> CommandFrame:
         clear = self._clear_frames > 0
-        self._clear_frames = max(self._clear_frames - 1, 0)
+        self._clear_frames -= clear
         if self._frozen_rows is None:
             self._frozen_rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)
         return CommandFrame(

@@ -4,13 +4,14 @@ The same objects as in the nodes, without ROS: deterministic and faster than rea
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 from typing import NamedTuple
 
 import numpy as np
 
 from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
-from fastswing_planner.arrays import BoolVector
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures
 from fastswing_planner.plan import SwingPlan, SwingPlanner
@@ -30,7 +31,7 @@ from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.protocol import Fault, Mode, StateFrame, WatchdogAction
 
-# Plain numbers: numpy compares with them much faster than with an enumeration's members.
+# Plain numbers: they compare much faster than an enumeration's members.
 _NO_FAULT, _ZERO_CURRENT = int(Fault.NONE), int(Mode.ZERO_CURRENT)
 
 
@@ -137,18 +138,18 @@ class ClosedLoop:
             rows["length"].astype(float),
             rows["velocity"].astype(float),
             rows["tension"].astype(float),
-            () if fault == self._healthy else self._names(rows["fault"] != _NO_FAULT),
-            self._names(rows["mode"] == _ZERO_CURRENT) if _ZERO_CURRENT in mode else (),
+            () if fault == self._healthy else self._names([code != _NO_FAULT for code in fault]),
+            self._names([code == _ZERO_CURRENT for code in mode]) if _ZERO_CURRENT in mode else (),
         )
 
-    def _names(self, chosen: BoolVector) -> tuple[str, ...]:
-        return tuple(self._robot.model.muscle_names[i] for i in np.flatnonzero(chosen))
+    def _names(self, chosen: Sequence[bool]) -> tuple[str, ...]:
+        return tuple(compress(self._robot.model.muscle_names, chosen))
 
     def _inhibit(self, joints: JointMeasurement, execution: SwingExecution) -> None:
         inhibited: list[int] = []
         if self._inhibition.armed:
             decision = self._inhibition.decide(joints)
-            inhibited = np.flatnonzero(decision.inhibited).tolist()
+            inhibited = decision.inhibited.nonzero()[0].tolist()
             execution.add_inhibition(
                 InhibitionReport(
                     self._now,

@@ -179,11 +179,13 @@ class ControlPeriod:
         faulty = self._whole(
             [group.faulty(state, now) for group, state in zip(self.groups, known, strict=True)]
         )
+        some_lost = False
         for group in self.groups:
+            some_lost |= group.lost
             if group.back:
                 # Meanwhile the arm may have moved: hold it where it is, forget the commands.
                 self.arbiter.hold(group.muscles)
-        if any(group.lost for group in self.groups):
+        if some_lost:
             # Do with a lost group what its watchdog does, whichever direction was cut.
             if self._keeps_lost:
                 self.arbiter.keep(self.lost)
@@ -197,6 +199,8 @@ class ControlPeriod:
         return [group.command(setpoints) for group in self.groups]
 
     def _measured(self, field: str, states: Sequence[StateFrame]) -> NDArray[Any]:
+        if self._one_in_order:
+            return states[0].rows[field]
         return self._whole([state.rows[field] for state in states])
 
     def _blind(self, states: Sequence[StateFrame]) -> BoolVector:

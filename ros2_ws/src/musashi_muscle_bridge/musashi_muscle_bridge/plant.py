@@ -5,14 +5,22 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from fastswing_planner.arrays import BoolVector, Vector, contiguous, frozen, unique_known
-from fastswing_planner.mujoco_model import load_mjcf, object_names
+from fastswing_planner.arrays import (
+    BoolVector,
+    Vector,
+    constant,
+    contiguous,
+    made_frozen,
+    unique_known,
+)
+from fastswing_planner.mujoco_model import load_mjcf, object_names, sparse_places
 from fastswing_planner.ramp import ramp_bounds
 from fastswing_planner.robot import Robot
 from musashi_muscle_bridge.motor_heat import MotorHeat
 from musashi_muscle_bridge.plant_constants import plant_constants
 
 _HEAT_PERIOD = 0.01  # [s]
+_ZERO, _ONE = constant(0.0), constant(1.0)
 
 
 class Drive(NamedTuple):
@@ -52,6 +60,17 @@ class Plant:
         self._slowest = -robot.limits.velocity
         self._max_pull = robot.current_limit * self._constants.force_per_current
         self.time_step = float(self._mjcf.opt.timestep)
+        # What every step needs, as arrays.
+        self._dt = constant(self.time_step)
+        self._wire_damping = constant(self._constants.wire_damping)
+        self._stall_force = constant(self._constants.stall_force)
+        self._stall_exponent = constant(self._constants.stall_exponent)
+        self._force_per_current = constant(self._constants.force_per_current)
+        self._winch_mass = constant(self._constants.winch_mass)
+        self._friction_loss = constant(self._constants.winch_friction * self.time_step)
+        self._damped_mass = constant(
+            self._constants.winch_mass + self._constants.winch_damping * self.time_step
+        )
         self._ramp_gain = robot.limits.acceleration * self.time_step  # [m/s]
         self._data.qpos[:] = robot.model.full_position(robot.postures["home"])
         mujoco.mj_forward(self._mjcf, self._data)
@@ -60,10 +79,14 @@ class Plant:
         self._path_velocity = self._data.ten_velocity
         self._position, self._speed = self._data.qpos, self._data.qvel
         self._torque = self._data.qfrc_applied
-        mjcf = self._mjcf
-        self._sparse = (self._data.ten_J, mjcf.ten_J_rownnz, mjcf.ten_J_rowadr, mjcf.ten_J_colind)
-        self._jacobian = np.zeros((mjcf.ntendon, mjcf.nv))
+        self._sparse_jacobian = self._data.ten_J
         count = len(robot.model.muscle_names)
+        # Where MuJoCo has the elements of the muscles' Jacobian; its others stay zero.
+        places = sparse_places(self._mjcf)[self._tendons]
+        self._present = np.flatnonzero(places >= 0)
+        self._elements = contiguous(places.reshape(-1)[self._present])
+        self._jacobian = np.zeros((count, self._mjcf.nv))
+        self._flat_jacobian = self._jacobian.reshape(-1)
         self._winch = self._path_length[self._tendons].copy()
         self._winch_velocity = np.zeros(count)
         self._asked = np.zeros(count)  # [m/s] the ramped speed that the driven winches are to have
@@ -84,7 +107,7 @@ class Plant:
     @property
     def joint_velocity(self) -> Vector:
         """Joint speeds [rad/s], shape (n,); without noise."""
-        return frozen(self._speed[self._dof])
+        return made_frozen(self._speed[self._dof].copy())
 
     @property
     def length(self) -> Vector:
@@ -118,16 +141,16 @@ class Plant:
             velocity, current = self._driven(drive)
         else:
             velocity, current = self._back_driven(drive)
+            asked = velocity.copy()
             if driven:
                 driven_velocity, driven_current = self._driven(drive)
-                velocity = np.where(drive.driven, driven_velocity, velocity)
-                current = np.where(drive.driven, driven_current, current)
-            # A winch that is driven again begins at the speed that it has.
-            self._asked = np.where(drive.driven, self._asked, velocity)
-        velocity.setflags(write=False)
-        current.setflags(write=False)
-        self._winch_velocity, self._current = velocity, current
-        self._winch = self._winch + velocity * self.time_step
+                np.copyto(velocity, driven_velocity, where=drive.driven)
+                np.copyto(current, driven_current, where=drive.driven)
+                # A winch that is driven again begins at the speed that it has.
+                np.copyto(asked, self._asked, where=drive.driven)
+            self._asked = asked
+        self._winch_velocity, self._current = made_frozen(velocity), made_frozen(current)
+        self._winch = self._winch + velocity * self._dt
         self._steps += 1
         if self._steps % self._steps_per_heat == 0:
             # Temperatures move slowly: a sample of the current now and then is enough.
@@ -141,37 +164,34 @@ class Plant:
         stretch = self._path_length[self._tendons] - self._winch
         rate = self._path_velocity[self._tendons] - self._winch_velocity
         # A slack or broken wire pulls nothing, and damping never pushes.
-        pull = self._stiffness * stretch + self._constants.wire_damping * rate
-        tension = np.maximum(pull, 0.0) * (stretch > 0.0)
+        pull = self._stiffness * stretch + self._wire_damping * rate
+        tension = np.maximum(pull, _ZERO)
+        tension[stretch <= _ZERO] = 0.0
         if np.count_nonzero(self.wire_broken):
             tension[self.wire_broken] = 0.0
         self._tension = tension
-        mujoco.mju_sparse2dense(self._jacobian, *self._sparse)
+        self._flat_jacobian[self._present] = self._sparse_jacobian[self._elements]
         # tau = -G^T f
-        np.negative(tension.dot(self._jacobian[self._tendons]), out=self._torque)
+        np.negative(tension.dot(self._jacobian), out=self._torque)
 
     def _driven(self, drive: Drive) -> tuple[Vector, Vector]:
         low, high = ramp_bounds(self._asked, self._ramp_gain, self._slowest, self._velocity_limit)
         self._asked = np.minimum(np.maximum(drive.velocity, low), high)
         # Winding in, a winch falls behind the more it has to pull, down to standing still.
-        share = (self._tension / self._constants.stall_force) ** self._constants.stall_exponent
-        behind = self._asked * np.maximum(1.0 - share, 0.0)
-        velocity = np.maximum(self._asked, np.minimum(behind, 0.0))
+        share = (self._tension / self._stall_force) ** self._stall_exponent
+        velocity = np.maximum(self._asked, self._asked * np.maximum(_ONE - share, _ZERO))
         stalled = self._tension >= self._max_pull
         if np.count_nonzero(stalled):
-            velocity = np.where(stalled, np.maximum(velocity, 0.0), velocity)
+            np.maximum(velocity, _ZERO, out=velocity, where=stalled)
         pull = np.minimum(self._tension, self._max_pull)
-        return velocity, pull / self._constants.force_per_current
+        return velocity, pull / self._force_per_current
 
     def _back_driven(self, drive: Drive) -> tuple[Vector, Vector]:
-        constants = self._constants
-        force = self._tension - drive.current * constants.force_per_current
+        force = self._tension - drive.current * self._force_per_current
         # Implicit in damping and friction: m dv/dt = force - d v - F sign(v), and F holds v at 0.
-        free = constants.winch_mass * self._winch_velocity + force * self.time_step
-        held = constants.winch_friction * self.time_step
-        moving = np.sign(free) * np.maximum(np.abs(free) - held, 0.0)
-        velocity = moving / (constants.winch_mass + constants.winch_damping * self.time_step)
-        return velocity, drive.current.copy()
+        free = self._winch_mass * self._winch_velocity + force * self._dt
+        moving = np.sign(free) * np.maximum(np.abs(free) - self._friction_loss, _ZERO)
+        return moving / self._damped_mass, drive.current.copy()
 
     def _measure(self) -> None:
         constants = self._constants
@@ -184,11 +204,9 @@ class Plant:
             tension = np.maximum(tension + noise, 0.0)
         if constants.angle_noise:
             position = position + self._random.normal(0.0, constants.angle_noise, position.size)
-        for measured in (length, tension, position):
-            measured.setflags(write=False)
-        self._measured_length = length
-        self._measured_tension = tension
-        self._measured_position = position
+        self._measured_length = made_frozen(length)
+        self._measured_tension = made_frozen(tension)
+        self._measured_position = made_frozen(position)
 
 
 def arm_mjcf(robot: Robot) -> mujoco.MjModel:

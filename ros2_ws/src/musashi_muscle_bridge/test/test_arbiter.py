@@ -208,6 +208,20 @@ def test_an_override_releases_all_muscles_it_does_not_name(bench: Bench) -> None
     assert bench.update().mode.tolist() == [Mode.LENGTH, Mode.ZERO_CURRENT, Mode.ZERO_CURRENT]
 
 
+def test_a_command_during_a_lasting_override_reaches_the_other_muscles(posed: Bench) -> None:
+    posed.override(A)
+    posed.settle(3 * PERIOD)
+    posed.command(Mode.LENGTH, 0.41, index=[B])
+    assert posed.update().value.tolist() == [0.0, 0.41, 0.4]
+
+
+def test_a_measurement_that_is_none_is_noticed_during_a_lasting_override(posed: Bench) -> None:
+    posed.override(A)
+    posed.settle(3 * PERIOD)
+    posed.length[B] = np.nan
+    assert posed.update().mode.tolist() == [Mode.ZERO_CURRENT, Mode.ZERO_CURRENT, Mode.LENGTH]
+
+
 def test_an_override_of_no_muscle_releases_everything(bench: Bench) -> None:
     bench.override(A, B, C)
     bench.override(lease=0.0)

@@ -23,6 +23,7 @@ from musashi_muscle_bridge.protocol import (
     Mode,
     StateFrame,
     WatchdogAction,
+    copied,
     is_newer,
 )
 
@@ -124,6 +125,14 @@ def test_a_state_frame_crosses_to_another_process_as_it_is(
 ) -> None:
     sent = StateFrame(sequence, rows, joints, session)
     assert pickle.loads(pickle.dumps(sent)).encode() == sent.encode()
+
+
+@given(rows_of(STATE_ROW))
+def test_copied_rows_are_the_same_and_changing_them_leaves_the_others(rows: np.ndarray) -> None:
+    before, copy = rows.tobytes(), copied(rows)
+    assert copy.tobytes() == before
+    copy["boots"] += np.uint16(1)
+    assert rows.tobytes() == before
 
 
 def test_the_bytes_of_a_command_frame_are_those_of_version_2() -> None:
