@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from bench import Bench, Swing
+from bench import Bench, Disturbed, Swing
 from board_lines import CURRENT, TENSION, ZERO
 from builtin_interfaces.msg import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -220,7 +220,9 @@ def arm_again(bench: Bench) -> None:
         threshold=0.0,
     )
     answer = bench.suite.ask(ArmInhibitor, "arm_inhibitor", request)
-    assert answer.error_code in (ErrorCode.BUSY, ErrorCode.SUCCESS), answer.error_string
+    if answer.error_code == ErrorCode.SUCCESS:
+        raise Disturbed("the inhibitor was asked too late: its swing was over")
+    assert answer.error_code == ErrorCode.BUSY, answer.error_string
     bench.notes.append(f"answer: {answer.error_string}")
 
 
