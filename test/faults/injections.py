@@ -131,6 +131,22 @@ def foreign_joint_states(change: Callable[[JointState], None]) -> Callable[[Benc
     return inject
 
 
+def muscle_states_of_nan(bench: Bench) -> None:
+    """Repeat muscle states from a second publisher, with lengths that are no numbers."""
+    sent = 0
+
+    def published() -> bool:
+        nonlocal sent
+        message, bench.genuine_muscles = bench.genuine_muscles, None
+        if message is not None:
+            message.length = [float("nan")] * len(message.name)
+            bench.foreign_muscles.publish(message)
+            sent += 1
+        return sent >= FOREIGN_STATES
+
+    bench.suite.until("muscle states to change", published)
+
+
 def _publish(
     bench: Bench, kind: Any, topic: str, make: Callable[[], Any], seconds: float, qos: QoSProfile
 ) -> None:
