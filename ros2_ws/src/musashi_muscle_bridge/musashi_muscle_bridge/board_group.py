@@ -169,15 +169,18 @@ class GroupControl:
 
     # Frames.
 
-    def question(self) -> CommandFrame:
+    def question(self, lasting: bool = False) -> CommandFrame:
         """Return a frame that asks for the state and commands no board.
 
-        It has no rows, so the boards neither change anything nor feed their watchdog, and no
-        timeout, so a bridge that commands takes the boards over at once.
+        It has no rows, so the boards neither change anything nor feed their watchdog.
+
+        lasting  other bridges are kept off the boards for the watchdog timeout; else one that
+                 commands takes them over at once
         """
         self._clear_frames = 0  # a clearing that was not heard in time is over
+        timeout = self._watchdog_timeout if lasting else 0.0
         return CommandFrame(
-            self._next_sequence(), _NO_ROWS, WatchdogAction.ZERO_CURRENT, 0.0, False, self.session
+            self._next_sequence(), _NO_ROWS, self._watchdog_action, timeout, False, self.session
         )
 
     def first_command(self, release: bool = False) -> CommandFrame:

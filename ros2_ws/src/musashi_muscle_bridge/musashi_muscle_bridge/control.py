@@ -205,7 +205,7 @@ class ControlPeriod:
         return [
             # What is known of a silent group's lengths is old: without a command its boards'
             # watchdog acts, and holds those that they measure.
-            group.question()
+            group.question(lasting=True)
             if group.unheard and self._keeps_lost and not stop
             else group.command(setpoints, one)
             for group, one in zip(self.groups, release, strict=True)

@@ -139,6 +139,15 @@ def test_a_lost_group_that_moved_is_held_where_it_is_and_not_where_it_was_last_h
     assert arm.boards.fault.tolist() == [Fault.WATCHDOG] * 2
 
 
+def test_a_lost_group_that_is_held_is_no_other_bridges(split: Robot) -> None:
+    arm = Arm(split, WatchdogAction.HOLD_LENGTH)
+    arm.run(0.1)
+    arm.run(LOST + TIMEOUT, mute=(0,))
+    question, command = arm.commands
+    assert (len(question.rows), len(command.rows)) == (0, 1)
+    assert question.watchdog_timeout == TIMEOUT
+
+
 @pytest.mark.parametrize("cut", ["deaf", "mute"])
 def test_a_muscle_that_an_override_let_go_stays_without_current_when_its_bus_is_lost(
     split: Robot, cut: str
