@@ -144,6 +144,12 @@ def test_an_arming_request_that_was_long_on_its_way_is_refused(lone: Lone) -> No
     assert answer.error_string.startswith("the arming request is 8.")
 
 
+def test_an_armed_inhibitor_is_not_armed_for_another_goal(lone: Lone) -> None:
+    lone.arm()
+    again = lone.ask(goal_position=lone.suite.robot.postures["start"].tolist())
+    assert again.error_code == ErrorCode.BUSY
+
+
 def test_an_arming_request_without_stamp_is_refused(lone: Lone) -> None:
     answer = lone.ask(stamp=type(lone.suite.now().stamp)())
     assert (answer.error_code, answer.error_string) == (

@@ -125,6 +125,12 @@ def test_a_parameter_out_of_range_is_told_in_one_line(world: "Suite") -> None:
     assert "control_rate is -5.0, expected 10 to 2000 Hz" in line
 
 
+def test_a_watchdog_shorter_than_three_periods_is_refused(world: "Suite") -> None:
+    process = world.start("bridge", control_rate=100.0, watchdog_timeout=0.02)
+    assert process.wait(END_SEC) == 2
+    assert "at least 3 control periods, 0.03 s at 100 Hz" in process.log.read_text()
+
+
 def test_a_parameter_of_wrong_type_is_told_in_one_line(world: "Suite") -> None:
     process = world.start("bridge", control_rate="fast")
     process.wait(END_SEC)

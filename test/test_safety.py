@@ -219,6 +219,35 @@ def test_a_restarted_bridge_holds_the_arm_after_clear_faults(restarted: "Suite")
     restarted.wait_for_modes(MuscleState.MODE_LENGTH)
 
 
+@pytest.fixture
+def held_by_the_boards(world: "Suite") -> "Suite":
+    """Start a bridge where the boards hold the arm by themselves: an earlier one was killed."""
+    world.start("bridge", watchdog_action="hold_length")
+    world.start_active("mock_driver")
+    world.hold()
+    world.processes["bridge"].send(signal.SIGKILL)
+    world.processes["bridge"].wait(60.0)
+    world.until("the watchdogs", lambda: world.reported("mock_driver", "faulty_boards") == "10")
+    world.muscles = None
+    world.start("bridge", watchdog_action="hold_length")
+    return world
+
+
+def test_an_arm_that_its_boards_hold_is_held_when_the_bridge_is_back(
+    held_by_the_boards: "Suite",
+) -> None:
+    held_by_the_boards.let_states_pass()
+    assert set(held_by_the_boards.fresh_muscles().mode) == {MuscleState.MODE_LENGTH}
+
+
+def test_an_emergency_stop_takes_the_current_from_an_arm_that_its_boards_hold(
+    held_by_the_boards: "Suite",
+) -> None:
+    held_by_the_boards.fresh_muscles()
+    held_by_the_boards.trigger("emergency_stop")
+    held_by_the_boards.wait_for_modes(MuscleState.MODE_ZERO_CURRENT)
+
+
 # Swings that are stopped.
 
 

@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.action import ExecuteSwing
-from fastswing_msgs.msg import ErrorCode, SwingOptions
+from fastswing_msgs.msg import ErrorCode, MuscleState, SwingOptions
 from fastswing_planner.swing_execution import ExecutionSettings
 
 if TYPE_CHECKING:
@@ -113,7 +113,11 @@ class Bench:
         """What else is worth telling about the present fault."""
         self.genuine: JointState | None = None
         """The last joint state of the bridge, none of a fault's."""
+        self.genuine_muscles: MuscleState | None = None
+        """The last muscle state of the bridge, likewise."""
         self.foreign_states = suite.node.create_publisher(JointState, "joint_states", 10)
+        self.foreign_muscles = suite.node.create_publisher(MuscleState, "muscle_state", 10)
+        suite.node.create_subscription(MuscleState, "muscle_state", self._on_muscles, 10)
         suite.node.create_subscription(JointState, "joint_states", self._on_joints, 10)
         self._clock = suite.node.create_publisher(Clock, "/clock", 10)
         suite.node.create_timer(_CLOCK_PERIOD_SEC, self._tick)
@@ -127,6 +131,10 @@ class Bench:
         ours = not angles or any(not abs(angle) < 50.0 for angle in angles)
         if list(message.name) == list(self.suite.robot.model.joint_names) and not ours:
             self.genuine = message
+
+    def _on_muscles(self, message: MuscleState) -> None:
+        if all(math.isfinite(length) for length in message.length):
+            self.genuine_muscles = message
 
     def _tick(self) -> None:
         if self._clock_ahead is None:

@@ -278,6 +278,15 @@ MESSAGE_ROWS = [
     ),
     Row(
         "Messages",
+        "muscle states with NaN from a second publisher",
+        "swing",
+        make.muscle_states_of_nan,
+        Safe.SWUNG,
+        [("swing_executor", "rejected.*nan")],
+        quick=False,
+    ),
+    Row(
+        "Messages",
         "joint states with unknown joints",
         "swing",
         make.foreign_joint_states(make.renamed),

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from bench import Bench, Swing
+from bench import Bench, Disturbed, Swing
 from board_lines import CURRENT, TENSION, ZERO
 from builtin_interfaces.msg import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
@@ -131,6 +131,22 @@ def foreign_joint_states(change: Callable[[JointState], None]) -> Callable[[Benc
     return inject
 
 
+def muscle_states_of_nan(bench: Bench) -> None:
+    """Repeat muscle states from a second publisher, with lengths that are no numbers."""
+    sent = 0
+
+    def published() -> bool:
+        nonlocal sent
+        message, bench.genuine_muscles = bench.genuine_muscles, None
+        if message is not None:
+            message.length = [float("nan")] * len(message.name)
+            bench.foreign_muscles.publish(message)
+            sent += 1
+        return sent >= FOREIGN_STATES
+
+    bench.suite.until("muscle states to change", published)
+
+
 def _publish(
     bench: Bench, kind: Any, topic: str, make: Callable[[], Any], seconds: float, qos: QoSProfile
 ) -> None:
@@ -220,7 +236,9 @@ def arm_again(bench: Bench) -> None:
         threshold=0.0,
     )
     answer = bench.suite.ask(ArmInhibitor, "arm_inhibitor", request)
-    assert answer.error_code in (ErrorCode.BUSY, ErrorCode.SUCCESS), answer.error_string
+    if answer.error_code == ErrorCode.SUCCESS:
+        raise Disturbed("the inhibitor was asked too late: its swing was over")
+    assert answer.error_code == ErrorCode.BUSY, answer.error_string
     bench.notes.append(f"answer: {answer.error_string}")
 
 

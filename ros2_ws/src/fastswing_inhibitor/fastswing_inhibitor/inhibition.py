@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from fastswing_planner.errors import NotReady, StaleState
+from fastswing_planner.errors import NotReady, OutOfRange, StaleState
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.speed_index import moment_arm, speed_index
 from fastswing_planner.swing_execution import JointMeasurement
@@ -37,7 +37,8 @@ class InhibitionSettings:
     state_timeout       [s] age of the joint state that ends it
     lease               [s] of an override, from the joint state's stamp; older ones decide nothing
     goal_tolerance      [rad] norm of the distance to the goal that counts as reached
-    max_joint_speed     [rad/s] a joint that moved faster between two states has jumped
+    max_joint_speed     [rad/s] a joint that moved faster between two states has jumped, a state
+                        that tells a higher speed decides nothing
     jump_tolerance      [rad] allowance for late messages in that comparison
     """
 
@@ -167,7 +168,8 @@ class Inhibition:
 
         now  [s] on the clock of `joints.time`; None: the state was measured just now
 
-        Raises StaleState for a state that is too old to decide on; `reject` it then.
+        Raises StaleState for a state that is too old to decide on, OutOfRange for one with a speed
+        that no joint has; `reject` it then.
         """
         now = joints.time if now is None else now
         self.watch(now)
@@ -178,6 +180,10 @@ class Inhibition:
         allowed = min(self._settings.state_timeout, self._settings.lease)
         if age > allowed:
             raise StaleState(f"a joint state is {age:.3f} s old, at most {allowed:g} s")
+        speed = math.hypot(*joints.velocity.tolist())
+        # No joint is faster than all together are.
+        if speed > self._settings.max_joint_speed:
+            self._refuse_absurd_speed(joints.velocity)
         end = self._end_reason(joints, arming)
         if self._last is not None:
             lapse = now - self._last.time - self._settings.lease
@@ -188,7 +194,7 @@ class Inhibition:
             self.disarm(end)
             return self.nothing()
         self.decisions += 1
-        slow = math.hypot(*joints.velocity.tolist()) < self._settings.velocity_threshold
+        slow = speed < self._settings.velocity_threshold
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
         direction = arming.goal - joints.position if slow else joints.velocity
         arms = moment_arm(self._model.jacobian(joints.position), direction)
@@ -196,6 +202,11 @@ class Inhibition:
         # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
         inhibited = (index > arming.threshold) & self._free
         return Decision(inhibited, index, slow, Reason.NONE)
+
+    def _refuse_absurd_speed(self, velocity: Vector) -> None:
+        fastest, allowed = float(np.abs(velocity).max()), self._settings.max_joint_speed
+        if fastest > allowed:
+            raise OutOfRange(f"a joint's speed is {fastest:g} rad/s, at most {allowed:g} rad/s")
 
     def nothing(self) -> Decision:
         """Return the decision that inhibits nothing, with the reason of the last end."""

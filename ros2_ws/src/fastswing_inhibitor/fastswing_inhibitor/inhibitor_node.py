@@ -125,7 +125,8 @@ TABLE = (
         "max_joint_speed",
         _DEFAULTS.max_joint_speed,
         "A joint that moved faster between two states has jumped: a sensor is wrong. That disarms, "
-        "and all muscles are driven again. Above any speed of the arm.",
+        "and all muscles are driven again. A state that tells a higher speed is rejected. Above "
+        "any speed of the arm.",
         "rad/s",
         0.1,
         1000.0,

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from fastswing_inhibitor.inhibition import Arming, Decision, Inhibition, InhibitionSettings, Reason
 from fastswing_planner.arrays import Matrix, Vector, frozen
-from fastswing_planner.errors import NotReady, StaleState
+from fastswing_planner.errors import NotReady, OutOfRange, StaleState
 from fastswing_planner.muscle_model import Payload
 from fastswing_planner.swing_execution import JointMeasurement
 
@@ -376,6 +376,19 @@ def test_a_joint_that_jumps_ends_the_swing() -> None:
     inhibition.decide(joints(PERIOD, (0.0, 0.0)))
     decision = inhibition.decide(joints(2 * PERIOD, (0.21, 0.0)))
     assert_over(inhibition, decision, Reason.STATE_JUMP)
+
+
+@pytest.mark.parametrize("speed", [20.1, -20.1, 1e308])
+def test_a_speed_that_no_joint_has_decides_nothing(speed: float) -> None:
+    inhibition = armed()
+    with pytest.raises(OutOfRange, match=r"a joint's speed is .* rad/s, at most 20 rad/s"):
+        inhibition.decide(joints(PERIOD, (0.0, 0.0), (0.0, speed)))
+    assert inhibition.armed
+
+
+def test_a_speed_that_joints_have_together_is_none_of_a_joint() -> None:
+    inhibition = armed()
+    assert inhibition.decide(joints(PERIOD, (0.0, 0.0), (19.0, 19.0))).reason is Reason.NONE
 
 
 def test_a_fast_joint_has_not_jumped() -> None:

@@ -23,6 +23,7 @@ _CLEAR_FRAMES = 3
 _CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
 _BLIND_FRAMES = 5  # sent since the one that the newest answer belongs to
 _LOST_TIMEOUTS = 3  # of the watchdog: a hiccup of the answers alone is no lost bus
+_WATCHDOG, _ZERO_CURRENT = int(Fault.WATCHDOG), int(Mode.ZERO_CURRENT)
 _NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
 _NO_ROWS = np.zeros(0, dtype=COMMAND_ROW)
 
@@ -33,6 +34,7 @@ class GroupControl:
     muscles  index of the group's k muscles in the robot's order
     joints   index of the joints that it measures
     lost     it was silent for three times the watchdog timeout; latched until cleared
+    unheard  it is lost, and still silent: what is known of its muscles is old
     back     the newest answer is the first one after more than the watchdog timeout
     """
 
@@ -49,6 +51,7 @@ class GroupControl:
         self.joints = np.array(group.joints, dtype=np.intp)
         self.session = session
         self.lost = False
+        self.unheard = False
         self.back = False
         self._watchdog_action = watchdog_action
         self._watchdog_timeout = watchdog_timeout
@@ -91,6 +94,21 @@ class GroupControl:
         """Return whether the newest answer is too old to pull by."""
         return (self._sequence - state.sequence) % 2**32 > _BLIND_FRAMES
 
+    def may_hold(self, state: StateFrame | None, now: float) -> bool:
+        """Return whether boards may hold on by their watchdog, whatever they are told.
+
+        state  the newest answer; None: there was none yet
+        now    monotonic [s]
+        """
+        if self._answered_at == -np.inf:
+            self._answered_at = now  # nothing was asked before
+        if now - self._answered_at > 0.5 * self._watchdog_timeout:
+            return True
+        if state is None:
+            return False
+        holding = (state.rows["fault"] == _WATCHDOG) & (state.rows["mode"] != _ZERO_CURRENT)
+        return bool(np.count_nonzero(holding))
+
     def check(self, state: StateFrame) -> None:
         """Raise FrameError unless `state` is one of this group."""
         if state.rows["id"].tobytes() != self._id_bytes:
@@ -125,6 +143,7 @@ class GroupControl:
         if sequence != self._answered:
             self._answered = sequence
             self._answered_at = now
+        self.unheard = self.lost and now - self._answered_at > self._watchdog_timeout
 
     def _with_reboots(self, faulty: BoolVector, boots: NDArray[np.uint16]) -> BoolVector:
         """Add boards that started again: they forgot their faults, and perhaps their length."""
@@ -150,39 +169,46 @@ class GroupControl:
 
     # Frames.
 
-    def question(self) -> CommandFrame:
+    def question(self, lasting: bool = False) -> CommandFrame:
         """Return a frame that asks for the state and commands no board.
 
-        It has no rows, so the boards neither change anything nor feed their watchdog, and no
-        timeout, so a bridge that commands takes the boards over at once.
+        It has no rows, so the boards neither change anything nor feed their watchdog.
+
+        lasting  other bridges are kept off the boards for the watchdog timeout; else one that
+                 commands takes them over at once
         """
+        self._clear_frames = 0  # a clearing that was not heard in time is over
+        timeout = self._watchdog_timeout if lasting else 0.0
         return CommandFrame(
-            self._next_sequence(), _NO_ROWS, WatchdogAction.ZERO_CURRENT, 0.0, False, self.session
+            self._next_sequence(), _NO_ROWS, self._watchdog_action, timeout, False, self.session
         )
 
-    def first_command(self) -> CommandFrame:
-        """Return a command that moves nothing and asks for the state."""
+    def first_command(self, release: bool = False) -> CommandFrame:
+        """Return a command that moves nothing and asks for the state; see `command`."""
         self._rows["mode"] = Mode.ZERO_CURRENT
         self._rows["setpoint"] = 0.0
         self._setpoints = self._frozen_rows = None
-        return self._frame()
+        return self._frame(release)
 
-    def command(self, setpoints: Setpoints) -> CommandFrame:
-        """Return this group's share of the robot's setpoints."""
+    def command(self, setpoints: Setpoints, release: bool = False) -> CommandFrame:
+        """Return this group's share of the robot's setpoints.
+
+        release  also from boards that their watchdog holds: they obey nothing before a reset
+        """
         if setpoints is not self._setpoints:
             self._setpoints = setpoints
             self._frozen_rows = None
             self._rows["mode"] = setpoints.mode[self.muscles]
             self._rows["setpoint"] = setpoints.value[self.muscles]
-        return self._frame()
+        return self._frame(release)
 
     def _next_sequence(self) -> int:
         self._sequence = (self._sequence + 1) % 2**32
         return self._sequence
 
-    def _frame(self) -> CommandFrame:
-        clear = self._clear_frames > 0
-        self._clear_frames -= clear
+    def _frame(self, release: bool) -> CommandFrame:
+        clear = release or self._clear_frames > 0
+        self._clear_frames = max(self._clear_frames - 1, 0)
         if self._frozen_rows is None:
             self._frozen_rows = np.frombuffer(self._rows.tobytes(), COMMAND_ROW)
         return CommandFrame(

@@ -45,8 +45,10 @@ class BoardLog:
         self._file.close()
 
     def command(self, now: float, group: int, command: CommandFrame, boards: Boards) -> None:
-        """Write a command that a group of boards took at `now` [s]."""
+        """Write a command that a group of boards took at `now` [s]; a question is none."""
         rows = command.rows
+        if not len(rows):
+            return
         setpoints = ",".join(f"{value:.5f}" for value in rows["setpoint"].tolist())
         self._write(
             f"command\t{now:.6f}\t{group}\t{command.session}\t{command.sequence}\t{_digits(rows['mode'])}\t"

@@ -20,6 +20,7 @@ from fastswing_msgs.msg import (
     MuscleState,
     TensionCommand,
 )
+from fastswing_planner.errors import InvalidLimit
 from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.real_time import PREVENT_CORE_SLEEP, CoreSleep
@@ -63,6 +64,7 @@ _DEAD = "the control process died, see the log: nothing is sent, the boards' wat
 _SWITCH_INTERVAL_SEC = 1e-4
 _CLOCK_READINGS, _CLOCK_READING_NS = 5, 50_000
 _FAULTS = "faults, latched until clear_faults: {}"
+_WATCHDOG_PERIODS = 3
 _HEARTBEATS = 10
 """In the time after which the control process stops without one."""
 _FAULT_NAMES = {fault.value: fault.name.lower() for fault in Fault}
@@ -96,7 +98,8 @@ TABLE = (
         "watchdog_timeout",
         0.1,
         "Time without frames until the boards do so. Shorter than the machine's stalls, the arm "
-        "falls without need; longer, an arm nobody controls goes on for as long.",
+        "falls without need; longer, an arm nobody controls goes on for as long. At least three "
+        "control periods.",
         "s",
         0.01,
         10.0,
@@ -171,6 +174,8 @@ class BridgeNode(ManagedNode):
         self._names = self._robot.model.muscle_names
         self._urls = group_urls(parameters["bus_url"], len(self._robot.board_groups))
         self._core_sleep = CoreSleep(parameters["prevent_core_sleep"])
+        if not parameters["read_only"]:
+            _refuse_short_watchdog(parameters["watchdog_timeout"], parameters["control_rate"])
 
     def activate(self) -> None:
         """Open the bus, hold the measured lengths, listen to commands."""
@@ -454,6 +459,16 @@ class BridgeNode(ManagedNode):
 
     def _named(self, chosen: NDArray[np.bool_]) -> str:
         return ", ".join(self._names[index] for index in np.flatnonzero(chosen))
+
+
+def _refuse_short_watchdog(timeout: float, rate: float) -> None:
+    """Raise InvalidLimit if one late frame is enough for the boards' watchdog to act."""
+    least = _WATCHDOG_PERIODS / rate
+    if timeout < least:
+        raise InvalidLimit(
+            f"watchdog_timeout is {timeout:g} s, expected at least {_WATCHDOG_PERIODS} control "
+            f"periods, {least:g} s at {rate:g} Hz: the boards would act between two frames"
+        )
 
 
 def main() -> int:

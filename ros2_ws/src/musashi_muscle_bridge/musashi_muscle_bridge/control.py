@@ -173,9 +173,17 @@ class ControlPeriod:
         """
         if self.read_only:
             return [group.question() for group in self.groups]
+        # An emergency stop takes the current from boards that their watchdog holds, too.
+        stop = self.arbiter.emergency
+        release = [
+            stop and group.may_hold(state, now)
+            for group, state in zip(self.groups, states, strict=True)
+        ]
         known = [state for state in states if state is not None]
         if len(known) < len(states):
-            return [group.first_command() for group in self.groups]
+            return [
+                group.first_command(one) for group, one in zip(self.groups, release, strict=True)
+            ]
         faulty = self._whole(
             [group.faulty(state, now) for group, state in zip(self.groups, known, strict=True)]
         )
@@ -186,7 +194,7 @@ class ControlPeriod:
                 # Meanwhile the arm may have moved: hold it where it is, forget the commands.
                 self.arbiter.hold(group.muscles)
         if some_lost:
-            # Do with a lost group what its watchdog does, whichever direction was cut.
+            # A lost group does what its watchdog does, whichever direction was cut.
             if self._keeps_lost:
                 self.arbiter.keep(self.lost)
             else:
@@ -196,7 +204,14 @@ class ControlPeriod:
         if pulls(setpoints):
             velocity, blind = self._measured("velocity", known), self._blind(known)
             setpoints = limited_pull(setpoints, tension, velocity, blind, self._limits)
-        return [group.command(setpoints) for group in self.groups]
+        return [
+            # What is known of a silent group's lengths is old: without a command its boards'
+            # watchdog acts, and holds those that they measure.
+            group.question(lasting=True)
+            if group.unheard and self._keeps_lost and not stop
+            else group.command(setpoints, one)
+            for group, one in zip(self.groups, release, strict=True)
+        ]
 
     def _measured(self, field: str, states: Sequence[StateFrame]) -> NDArray[Any]:
         if self._one_in_order:

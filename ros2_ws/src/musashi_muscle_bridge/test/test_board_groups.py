@@ -120,6 +120,73 @@ def test_with_hold_length_a_lost_group_holds_whichever_direction_was_cut(
     assert arm.boards.state(0).rows["mode"].tolist() == [Mode.LENGTH] * 2
 
 
+@pytest.mark.parametrize("cut", ["deaf", "mute"])
+def test_a_lost_group_that_moved_is_held_where_it_is_and_not_where_it_was_last_heard(
+    split: Robot, cut: str
+) -> None:
+    arm = Arm(split, WatchdogAction.HOLD_LENGTH)
+    arm.run(0.1)
+    cuts: dict[str, tuple[int, ...]] = {cut: (0, 1)}
+    deaf, mute = cuts.get("deaf", ()), cuts.get("mute", ())
+    arm.control.arbiter.command(Mode.LENGTH, [0, 1], np.array([1.4, 0.6]), arm.now)
+    arm.run(0.2)
+    arm.run(LOST, deaf=deaf, mute=mute)
+    arm.run(TIMEOUT + 5 * PERIOD, deaf=deaf, mute=mute)
+    held = arm.boards.state(0).rows["length"].copy()
+    arm.run(1.0, deaf=deaf, mute=mute)
+    assert arm.boards.state(0).rows["mode"].tolist() == [Mode.LENGTH] * 2
+    np.testing.assert_allclose(arm.boards.state(0).rows["length"], held, atol=0.002)
+    assert arm.boards.fault.tolist() == [Fault.WATCHDOG] * 2
+
+
+def test_a_lost_group_that_is_held_is_no_other_bridges(split: Robot) -> None:
+    arm = Arm(split, WatchdogAction.HOLD_LENGTH)
+    arm.run(0.1)
+    arm.run(LOST + TIMEOUT, mute=(0,))
+    question, command = arm.commands
+    assert (len(question.rows), len(command.rows)) == (0, 1)
+    assert question.watchdog_timeout == TIMEOUT
+
+
+@pytest.mark.parametrize("cut", ["deaf", "mute"])
+def test_a_muscle_that_an_override_let_go_stays_without_current_when_its_bus_is_lost(
+    split: Robot, cut: str
+) -> None:
+    arm = Arm(split, WatchdogAction.HOLD_LENGTH)
+    arm.run(0.1)
+    arm.control.arbiter.override([0], 0.05, arm.now)
+    arm.run(0.02)
+    cuts: dict[str, tuple[int, ...]] = {cut: (0, 1)}
+    for _ in range(25):
+        arm.control.arbiter.override([0], 0.05, arm.now)
+        arm.run(0.02, deaf=cuts.get("deaf", ()), mute=cuts.get("mute", ()))
+    assert arm.boards.state(0).rows["mode"].tolist() == [Mode.ZERO_CURRENT, Mode.LENGTH]
+
+
+@pytest.mark.parametrize("cut", ["deaf", "mute"])
+def test_an_emergency_stop_takes_the_current_from_a_lost_group_that_hears_it(
+    split: Robot, cut: str
+) -> None:
+    arm = Arm(split, WatchdogAction.HOLD_LENGTH)
+    arm.run(0.1)
+    cuts: dict[str, tuple[int, ...]] = {cut: (0,)}
+    arm.run(2 * LOST, deaf=cuts.get("deaf", ()), mute=cuts.get("mute", ()))
+    arm.control.arbiter.emergency_stop()
+    arm.run(0.05, mute=cuts.get("mute", ()))
+    assert arm.boards.state(0).rows["mode"].tolist() == [Mode.ZERO_CURRENT] * 2
+
+
+def test_an_emergency_stop_before_every_group_answered_takes_the_current_too(split: Robot) -> None:
+    earlier = Arm(split, WatchdogAction.HOLD_LENGTH)
+    earlier.run(0.1)
+    earlier.boards.advance(TIMEOUT + 5 * PERIOD)
+    arm = Arm(split)
+    arm.boards = earlier.boards
+    arm.control.arbiter.emergency_stop()
+    arm.run(TIMEOUT, mute=(0,))
+    assert arm.boards.state(0).rows["mode"].tolist() == [Mode.ZERO_CURRENT] * 2
+
+
 def test_a_group_that_is_back_stays_latched_until_faults_are_cleared(arm: Arm) -> None:
     arm.run(LOST, deaf=(0,))
     arm.run(0.2)

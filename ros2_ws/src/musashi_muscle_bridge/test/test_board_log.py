@@ -1,5 +1,6 @@
 """The log of the boards tells what they were told and what they did."""
 
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -46,6 +47,15 @@ def log(path: Path) -> Iterator[BoardLog]:
 def lines(path: Path, kind: str) -> list[list[str]]:
     cells = [line.split("\t") for line in path.read_text().splitlines()]
     return [line[1:] for line in cells if line[0] == kind]
+
+
+def test_a_question_without_rows_is_no_command(
+    log: BoardLog, path: Path, boards: Boards, frame: CommandFrame
+) -> None:
+    question = dataclasses.replace(frame, rows=np.zeros(0, COMMAND_ROW))
+    log.command(4.25, 0, question, boards)
+    log.command(4.5, 0, frame, boards)
+    assert [line[0] for line in lines(path, "command")] == ["4.500000"]
 
 
 def test_a_command_is_noted_with_time_setpoints_and_limit(

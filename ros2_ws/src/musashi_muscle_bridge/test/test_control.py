@@ -37,6 +37,27 @@ def with_fault(state: StateFrame, fault: Fault) -> StateFrame:
     return dataclasses.replace(state, rows=rows)
 
 
+def run(control: ControlPeriod, boards: Boards, periods: int) -> StateFrame:
+    """Let bridge and boards exchange frames; return the last answer."""
+    state = boards.handle(control.first_command())
+    for period in range(periods):
+        boards.advance(PERIOD)
+        state = boards.handle(control.next_command(state, 10.0 + PERIOD * period))
+    return state
+
+
+def held_by_their_watchdog(control: ControlPeriod, robot: Robot) -> Boards:
+    """Return boards whose bridge stood still, and then went on."""
+    boards = Boards(robot)
+    run(control, boards, 20)
+    boards.advance(0.2)
+    run(control, boards, 20)
+    rows = boards.state(0).rows
+    assert (rows["fault"] == Fault.WATCHDOG).all()
+    assert (rows["mode"] == Mode.LENGTH).all()
+    return boards
+
+
 def modes(command: CommandFrame) -> list[int]:
     return [int(mode) for mode in command.rows["mode"]]
 
@@ -172,14 +193,24 @@ def test_clearing_is_asked_for_until_it_is_answered(
     assert not control.next_command(answer, 0.11).clear_faults
 
 
-def test_clearing_that_nobody_answers_is_given_up(
-    control: ControlPeriod, state: StateFrame
-) -> None:
+def test_clearing_that_nobody_answers_is_given_up(hoist: Robot, state: StateFrame) -> None:
+    limits = command_limits(hoist, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
+    control = ControlPeriod(hoist, limits, WatchdogAction.ZERO_CURRENT, 0.1)
     flags_without_answers(control, state, 0.1)
     control.clear_faults()
     asked = flags_without_answers(control, state, 1.0)
     assert sum(asked) == pytest.approx(0.5 / PERIOD, abs=2)
     assert not any(asked[-200:])
+
+
+def test_clearing_that_was_given_up_is_not_made_up_for_when_the_boards_are_back(
+    control: ControlPeriod, state: StateFrame
+) -> None:
+    flags_without_answers(control, state, 0.1)
+    control.clear_faults()
+    flags_without_answers(control, state, 1.0)
+    back = dataclasses.replace(state, sequence=1000)
+    assert not control.next_command(back, 1.1).clear_faults
 
 
 def test_clearing_ends_a_fault_that_the_boards_still_report(
@@ -214,6 +245,42 @@ def test_clearing_ends_an_emergency_stop_and_holds_what_is_measured(
     command = control.next_command(state, 2 * PERIOD)
     assert modes(command) == [Mode.LENGTH] * 2
     assert command.rows["setpoint"].tolist() == [1.0, 1.0]
+
+
+def test_an_emergency_stop_takes_the_current_from_boards_that_their_watchdog_holds(
+    control: ControlPeriod, hoist: Robot
+) -> None:
+    boards = held_by_their_watchdog(control, hoist)
+    control.arbiter.emergency_stop()
+    run(control, boards, 3)
+    assert boards.state(0).rows["mode"].tolist() == [Mode.ZERO_CURRENT] * 2
+
+
+def test_after_such_a_stop_the_fault_stays_latched_until_faults_are_cleared(
+    control: ControlPeriod, hoist: Robot
+) -> None:
+    boards = held_by_their_watchdog(control, hoist)
+    control.arbiter.emergency_stop()
+    run(control, boards, 10)
+    assert control.arbiter.latched.tolist() == [True, True]
+
+
+def test_the_last_frame_of_an_ending_bridge_stops_boards_that_their_watchdog_holds(
+    control: ControlPeriod, hoist: Robot
+) -> None:
+    boards = Boards(hoist)
+    state = run(control, boards, 20)
+    boards.advance(0.2)
+    control.arbiter.emergency_stop()
+    boards.handle(control.next_command(state, 10.3))
+    assert boards.state(0).rows["mode"].tolist() == [Mode.ZERO_CURRENT] * 2
+
+
+def test_an_emergency_stop_clears_no_other_fault(control: ControlPeriod, state: StateFrame) -> None:
+    control.next_command(state, 10.0)
+    control.arbiter.emergency_stop()
+    limp = with_fault(state, Fault.OVER_TEMPERATURE)
+    assert not control.next_command(limp, 10.0 + PERIOD).clear_faults
 
 
 def test_boards_that_lost_the_bridge_come_back_by_clearing(
