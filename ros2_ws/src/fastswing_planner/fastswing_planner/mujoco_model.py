@@ -89,7 +89,7 @@ class MujocoMuscleModel:
         places = sparse_places(model)[self._tendons]
         if not self._coupling.followers:
             places = places[:, self._dofs]
-        self._present, self._places = places >= 0, np.maximum(places, 0)
+        self._absent, self._places = places < 0, np.maximum(places, 0)
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
         for posture in postures:
             refuse_restrained_joints(model, self._coupling, posture)
@@ -137,11 +137,11 @@ class MujocoMuscleModel:
         rates = self._update(joint_position)
         arms = self._sparse_arms.take(self._places)
         if self._coupling.followers:
-            arms = np.where(self._present, arms, 0.0) @ rates
-            moves = ~(np.abs(arms) < _SMALLEST_ARM)
+            arms = np.where(self._absent, 0.0, arms) @ rates
+            arms[np.abs(arms) < _SMALLEST_ARM] = 0.0
         else:
-            moves = self._present & ~(np.abs(arms) < _SMALLEST_ARM)
-        return made_frozen(np.where(moves, arms, 0.0))
+            arms[(np.abs(arms) < _SMALLEST_ARM) | self._absent] = 0.0
+        return made_frozen(arms)
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""
