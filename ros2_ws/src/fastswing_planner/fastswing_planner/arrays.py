@@ -54,6 +54,8 @@ def finite_vector(what: str, values: ArrayLike, names: Sequence[str]) -> Vector:
         raise WrongLength(
             f"{what} has {array.size} values, expected {len(names)}: {', '.join(names)}"
         )
+    if np.isfinite(array).all():
+        return array
     for name, value in zip(names, array, strict=True):
         if not np.isfinite(value):
             raise NotFinite(f"{what} of {name} is {value}, expected a finite number")

@@ -1,6 +1,7 @@
 """Requests, plans and comparisons to and from their messages."""
 
 import dataclasses
+from array import array
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,7 +16,7 @@ from fastswing_msgs.msg import (
 )
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.arrays import frozen, frozen_flags
+from fastswing_planner.arrays import Matrix, frozen, frozen_flags
 from fastswing_planner.error_code import error_code, error_from
 from fastswing_planner.figures_conversion import column
 from fastswing_planner.mask_search import Trial, Verdict
@@ -203,12 +204,16 @@ def _numbers(values: object) -> list[float]:
 
 
 def _points(trajectory: Trajectory) -> list[SwingPoint]:
-    fields = ("at_limit", *_POINT_VECTORS)
-    rows = zip(*(getattr(trajectory, name).tolist() for name in fields), strict=True)
-    return [
-        SwingPoint(time_from_start=time, **dict(zip(fields, row, strict=True)))
-        for time, row in zip(trajectory.time.tolist(), rows, strict=True)
-    ]
+    columns = [trajectory.time.tolist(), trajectory.at_limit.tolist()]
+    columns += [_message_rows(getattr(trajectory, name)) for name in _POINT_VECTORS]
+    fields = ("time_from_start", "at_limit", *_POINT_VECTORS)
+    return [SwingPoint(**dict(zip(fields, row, strict=True))) for row in zip(*columns, strict=True)]
+
+
+def _message_rows(rows: Matrix) -> "list[array[float]]":
+    """Return the rows as messages store them, so that no number is looked at one by one."""
+    width, numbers = rows.shape[1], array("d", rows.tobytes())
+    return [numbers[first : first + width] for first in range(0, len(numbers), width)]
 
 
 def _trajectory(points: Sequence[SwingPoint]) -> Trajectory:

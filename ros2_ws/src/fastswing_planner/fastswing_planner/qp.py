@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -60,3 +60,16 @@ class QpSolver(Protocol):
 
     def solve(self, problem: QuadraticProgram) -> Vector:
         """Return the minimiser, shape (n,). Raises QpUnsolved."""
+
+
+@runtime_checkable
+class SeriesSolver(QpSolver, Protocol):
+    """A solver that is faster where it knows that each program resembles the one before."""
+
+    def series(self) -> QpSolver:
+        """Return what solves one series of strictly convex programs without equalities."""
+
+
+def series(solver: QpSolver) -> QpSolver:
+    """Return what solves one series of such programs: `solver` itself if it has nothing better."""
+    return solver.series() if isinstance(solver, SeriesSolver) else solver

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,7 @@ from fastswing_planner.arrays import BoolVector, Matrix, Vector, contiguous, fro
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
 from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.muscle_model import MuscleModel
-from fastswing_planner.qp import QpSolver, QuadraticProgram
+from fastswing_planner.qp import QpSolver, QuadraticProgram, series
 from fastswing_planner.ramp import ramp_bounds
 
 # The QP's rows are scaled by this, which brings their numbers near one.
@@ -97,8 +96,8 @@ def build_swing_step(
     return QuadraticProgram(
         P=cost,
         c=-cost.dot(remaining),
-        A=np.zeros((0, remaining.size)),
-        b=np.zeros(0),
+        A=cost[:0],
+        b=remaining[:0],
         C=muscle_jacobian / _ARM_UNIT,
         lower=lower / _ARM_UNIT,
         upper=upper / _ARM_UNIT,
@@ -126,53 +125,58 @@ def simulate_swing(
     Raises SwingBlocked, naming joints and muscles, if the swing stops short of its end.
     """
     dt, chosen = settings.time_step, contiguous(np.flatnonzero(kept))
-    gain, slowest = limits.acceleration * dt, -limits.velocity
+    gain, fastest = limits.acceleration * dt, limits.velocity
+    slowest = -fastest
     weight = np.eye(start.size) if weight is None else weight
-    rows = [_at_rest(model, start)] if like is None else _shared_steps(like, kept)
-    progress = [_weighted_norm(end - row.position, weight) for row in rows]
-    position, _, _, velocity, at_limit = rows[-1]
-    while math.dist(end, position) >= settings.epsilon:
+    steps = series(solver)
+    positions, lengths, velocities = _at_rest(model, start) if like is None else _shared(like, kept)
+    remaining, velocity = end - positions[-1], velocities[-1]
+    progress = [_weighted_norm(end - position, weight) for position in positions]
+    while math.sqrt(remaining.dot(remaining)) >= settings.epsilon:
         stuck = (
-            len(rows) > _STUCK_STEPS
+            len(positions) > _STUCK_STEPS
             and progress[-1 - _STUCK_STEPS] - progress[-1] < _STUCK_PROGRESS
         )
-        if stuck or len(rows) > settings.max_steps:
-            raise SwingBlocked(_blocked_text(model, end - position, at_limit, len(rows) - 1))
-        muscle_jacobian = model.jacobian(position)
-        low, high = ramp_bounds(velocity, gain, slowest, limits.velocity)
+        if stuck or len(positions) > settings.max_steps:
+            met = _limits_met(np.array(velocities), gain, fastest) & kept
+            raise SwingBlocked(_blocked_text(model, remaining, met[-1], len(positions) - 1))
+        muscle_jacobian = model.jacobian(positions[-1])
+        low, high = ramp_bounds(velocity, gain, slowest, fastest)
         arms, least, most = muscle_jacobian[chosen], low[chosen] * dt, high[chosen] * dt
-        step = solver.solve(build_swing_step(arms, end - position, least, most, weight))
+        step = steps.solve(build_swing_step(arms, remaining, least, most, weight))
         # theta <- theta + dtheta
-        position = position + step
-        velocity = muscle_jacobian @ step / dt
-        at_limit = kept & ((velocity <= low + _ACTIVE) | (velocity >= high - _ACTIVE))
-        rows.append(_Step(position, step / dt, model.lengths(position), velocity, at_limit))
-        progress.append(_weighted_norm(end - position, weight))
-    positions, velocities, lengths, muscle_velocities, limits_met = zip(*rows, strict=True)
+        position, velocity = positions[-1] + step, muscle_jacobian.dot(step) / dt
+        remaining = end - position
+        positions.append(position)
+        lengths.append(model.lengths(position))
+        velocities.append(velocity)
+        progress.append(_weighted_norm(remaining, weight))
+    at_rest = np.zeros((1, start.size))
+    muscle_velocity = frozen(velocities)
     return Trajectory(
-        time=frozen(dt * np.arange(len(rows))),
+        time=frozen(dt * np.arange(len(positions))),
         joint_position=frozen(positions),
-        joint_velocity=frozen(velocities),
+        joint_velocity=frozen(np.concatenate([at_rest, np.diff(positions, axis=0) / dt])),
         muscle_length=frozen(lengths),
-        muscle_velocity=frozen(muscle_velocities),
-        at_limit=frozen_flags(limits_met),
+        muscle_velocity=muscle_velocity,
+        at_limit=frozen_flags(_limits_met(muscle_velocity, gain, fastest) & kept),
     )
 
 
-class _Step(NamedTuple):
-    """One row of a Trajectory."""
-
-    position: Vector
-    velocity: Vector
-    muscle_length: Vector
-    muscle_velocity: Vector
-    at_limit: BoolVector
+_Rows = tuple[list[Vector], list[Vector], list[Vector]]
+"""Of a Trajectory: joint positions, muscle lengths and velocities."""
 
 
-def _at_rest(model: MuscleModel, start: Vector) -> _Step:
+def _at_rest(model: MuscleModel, start: Vector) -> _Rows:
     length = model.lengths(start)
-    still = np.zeros(length.size)
-    return _Step(start, np.zeros(start.size), length, still, np.zeros(length.size, dtype=bool))
+    return [start], [length], [np.zeros(length.size)]
+
+
+def _limits_met(velocities: Matrix, gain: Vector, fastest: Vector) -> NDArray[np.bool_]:
+    """Return which muscles end a step at a bound of their speed, shape (k + 1, m)."""
+    low, high = ramp_bounds(velocities[:-1], gain, -fastest, fastest)
+    met = (velocities[1:] <= low + _ACTIVE) | (velocities[1:] >= high - _ACTIVE)
+    return np.concatenate([np.zeros((1, fastest.size), dtype=bool), met])
 
 
 def shared_step_count(like: Trajectory, kept: BoolVector) -> int:
@@ -185,16 +189,11 @@ def shared_step_count(like: Trajectory, kept: BoolVector) -> int:
     return int(np.argmax(held_back)) if held_back.any() else held_back.size
 
 
-def _shared_steps(like: Trajectory, kept: BoolVector) -> list[_Step]:
+def _shared(like: Trajectory, kept: BoolVector) -> _Rows:
     count = shared_step_count(like, kept)
-    columns = (
-        like.joint_position,
-        like.joint_velocity,
-        like.muscle_length,
-        like.muscle_velocity,
-        like.at_limit,
-    )
-    return [_Step(*row) for row in zip(*(column[:count] for column in columns), strict=True)]
+    columns = (like.joint_position, like.muscle_length, like.muscle_velocity)
+    positions, lengths, velocities = (list(column[:count]) for column in columns)
+    return positions, lengths, velocities
 
 
 def _weighted_norm(remaining: Vector, weight: Matrix) -> float:

@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear, minimize
 from fastswing_planner import qp_solvers
 from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import InvalidLimit
-from fastswing_planner.qp import QpUnsolved, QuadraticProgram
+from fastswing_planner.qp import QpUnsolved, QuadraticProgram, series
 from fastswing_planner.qp_solvers import (
     DEFAULT_SOLVER,
     SOLVERS,
@@ -169,6 +169,31 @@ def test_an_unsolved_problem_is_carried_along(name: str) -> None:
     with pytest.raises(QpUnsolved) as caught:
         hasty(name).solve(problem)
     assert caught.value.problem is problem
+
+
+@each_solver
+def test_an_unsolved_problem_does_not_spoil_the_next_of_a_series(name: str) -> None:
+    solver = hasty(name)
+    steps = series(solver)
+    with pytest.raises(QpUnsolved):
+        steps.solve(box_program(1.0))
+    solver.max_iterations = 10_000
+    assert steps.solve(box_program(2.0)) == pytest.approx([2.0, -2.0], abs=1e-7)
+
+
+def test_what_a_series_does_not_solve_in_few_iterations_is_solved_cold(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    steps = series(ProxSuiteSolver())
+    monkeypatch.setattr(type(steps), "_FEW", 1)
+    answers = [steps.solve(box_program(limit)) for limit in (1.0, 2.0)]
+    assert answers[0] == pytest.approx([1.0, -1.0], abs=1e-7)
+    assert answers[1] == pytest.approx([2.0, -2.0], abs=1e-7)
+
+
+def test_a_solver_that_knows_no_series_solves_its_programs_one_by_one() -> None:
+    solver = DaqpSolver()
+    assert series(solver) is solver
 
 
 @each_solver

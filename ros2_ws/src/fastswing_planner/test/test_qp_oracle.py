@@ -10,8 +10,8 @@ from scipy.optimize import lsq_linear, nnls
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.holding import build_holding, build_nearest_torque
-from fastswing_planner.qp import QuadraticProgram
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp import QuadraticProgram, series
+from fastswing_planner.qp_solvers import SOLVERS, ProxSuiteSolver, solver_from
 from fastswing_planner.swing import build_swing_step
 
 SEED = st.integers(0, 2**32 - 1)
@@ -128,6 +128,34 @@ def test_the_nearest_torque_is_the_one_that_bounded_least_squares_reach(
     oracle = lsq_linear(reach, target, (problem.lower, problem.upper), method="bvls", tol=1e-14)
     answer = solver_from(solver).solve(problem)
     assert reach @ answer == pytest.approx(reach @ oracle.x, abs=1e-6)
+
+
+@MANY
+@given(st.lists(SEED, min_size=2, max_size=4), SOLVER)
+def test_each_step_of_a_series_is_the_minimiser_that_nnls_finds(
+    seeds: list[int], solver: str
+) -> None:
+    steps = series(solver_from(solver))
+    for problem in map(swing_step, seeds):
+        answer = steps.solve(problem)
+        outside, missing = kkt_residuals(problem, answer)
+        assert outside < 1e-8
+        assert missing < 1e-6
+        assert answer == pytest.approx(minimiser_by_nnls(problem), abs=1e-6)
+
+
+@MANY
+@given(SEED)
+def test_a_series_of_steps_that_meet_parallel_bounds_is_solved(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    arms = np.repeat(random_arms(rng), 4, axis=0)  # each muscle four times
+    bound = np.repeat(rng.uniform(0.001, 0.009, MUSCLES), 4)
+    steps, remaining = series(ProxSuiteSolver()), rng.normal(size=JOINTS)
+    for _ in range(5):
+        problem = build_swing_step(arms, remaining, -bound, bound, np.eye(JOINTS))
+        answer = steps.solve(problem)
+        assert answer == pytest.approx(minimiser_by_nnls(problem), abs=1e-6)
+        remaining = remaining - answer
 
 
 @MANY
