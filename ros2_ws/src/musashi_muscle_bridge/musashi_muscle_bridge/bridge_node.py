@@ -159,6 +159,8 @@ class BridgeNode(ManagedNode):
         self._last_rejection = ""
         self._measured: Measurement | None = None  # the newest
         self._logged_faults = ""
+        self._silent_before: tuple[int, ...] = ()
+        self._logged_silent: tuple[int, ...] = ()
         self._holds = 0  # so that a running swing notices that somebody holds the arm
         self._emergency_latched = False  # over a deactivation
         self._inputs: list[Any] = []
@@ -386,6 +388,7 @@ class BridgeNode(ManagedNode):
                 return DiagnosticStatus.WARN, "inactive; emergency stop until clear_faults", {}
             return DiagnosticStatus.OK, "inactive", {}
         status = self._loop.status
+        self._log_silence(status.silent)
         report = status.report
         values: dict[str, object] = {
             "read_only": self._values["read_only"],
@@ -428,6 +431,20 @@ class BridgeNode(ManagedNode):
         if text and text != self._logged_faults:
             self.get_logger().error(_FAULTS.format(text))
         self._logged_faults = text
+
+    def _log_silence(self, silent: tuple[int, ...]) -> None:
+        """Log buses that are silent for the second time, and when all answer again.
+
+        Boards that are switched on together with the bridge are no news.
+        """
+        if silent and silent == self._silent_before != self._logged_silent:
+            urls = ", ".join(self._urls[number] for number in silent)
+            self.get_logger().error(f"the boards do not answer on {urls}")
+            self._logged_silent = silent
+        elif self._logged_silent and not silent:
+            self.get_logger().info("the boards answer again")
+            self._logged_silent = ()
+        self._silent_before = silent
 
     def _problems(self, values: Mapping[str, object]) -> Iterator[tuple[object, bytes, str]]:
         """Yield what can be wrong, the worst first: whether it is, its level and its text."""

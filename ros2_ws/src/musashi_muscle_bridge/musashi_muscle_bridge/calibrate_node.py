@@ -122,7 +122,9 @@ class Calibrator:
     def _refuse_silence(self, patience: float) -> None:
         silence = time.monotonic() - self._seen
         if silence > patience:
-            raise StaleState(f"no muscle_state for {silence:.1f} s: is the bridge active?")
+            raise StaleState(
+                f"no muscle_state for {silence:.1f} s: is the bridge active, do its boards answer?"
+            )
 
     def offsets(self) -> dict[str, float]:
         """Return what to add to each muscle's length [m]; see `length_offsets`."""
