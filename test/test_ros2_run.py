@@ -27,7 +27,7 @@ def test_a_signal_reaches_the_executable(tmp_path: Path) -> None:
     program.write_text("#!/bin/sh\necho $$\n")
     program.chmod(0o755)
     environment = {**os.environ, "AMENT_PREFIX_PATH": str(tmp_path)}
-    command = [ROS2, "run", "some_package", "program"]
+    command = [str(ROS2), "run", "some_package", "program"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
         printed, _ = process.communicate()
     assert int(printed) == process.pid
