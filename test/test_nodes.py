@@ -144,6 +144,14 @@ def test_a_parameter_out_of_range_is_told_in_one_line(world: "Suite") -> None:
     assert "control_rate is -5.0, expected 10 to 2000 Hz" in line
 
 
+def test_a_number_without_its_decimal_point_is_told_so(world: "Suite") -> None:
+    process = world.start("bridge", control_rate=200)
+    assert process.wait(END_SEC) == 2
+    (line,) = process.log.read_text().splitlines()
+    assert "'control_rate' to '200'" in line
+    assert line.endswith("write it with a decimal point")
+
+
 def test_a_parameter_of_wrong_type_is_told_in_one_line(world: "Suite") -> None:
     process = world.start("bridge", control_rate="fast")
     process.wait(END_SEC)
