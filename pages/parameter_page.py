@@ -27,8 +27,9 @@ then: deactivate and clean up the node first, or start it again. "any time" take
 A misspelt name is refused; another unknown name is a warning, as one file may serve all nodes.
 
 `mock.launch.xml` and `robot.launch.xml` give all nodes one file, `config:=FILE`; a copy of
-`ros2_ws/src/musashi_muscle_bridge/config/nodes.yaml` is a beginning. On a command line
-`--params-file FILE` stands before the first `-p`, or ROS lets the file win.
+`ros2_ws/src/musashi_muscle_bridge/config/nodes.yaml` is a beginning. Have no section `/**:` in
+it, and on a command line `--params-file FILE` before the first `-p`: otherwise ROS lets the file
+win over arguments.
 
 The faults of boards named here: [board_protocol.md](board_protocol.md#faults).
 """

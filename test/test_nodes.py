@@ -133,6 +133,13 @@ def test_a_section_of_a_parameter_file_is_for_its_node_alone(
     assert world.start_from_file("bridge", path).wait(END_SEC) == 2
 
 
+def test_an_argument_behind_the_parameter_file_wins(world: "Suite", tmp_path: Path) -> None:
+    path = tmp_path / "nodes.yaml"
+    path.write_text("/**/bridge: {ros__parameters: {control_rate: 5000.0}}\n")
+    world.start_from_file("bridge", path, control_rate=200.0)
+    world.wait_for_state("bridge", State.PRIMARY_STATE_ACTIVE)
+
+
 def test_a_parameter_out_of_range_ends_the_node_with_2(world: "Suite") -> None:
     assert world.start("bridge", control_rate=-5.0).wait(END_SEC) == 2
 
