@@ -107,7 +107,7 @@ class Calibrator:
         if loose := self._not_held():
             raise NotReady(
                 f"muscles that do not hold a length: {', '.join(loose)}; end an emergency stop "
-                "with clear_faults, or what else drives them"
+                "with clear_faults, or what else drives them; is the bridge read only?"
             )
         if self._node.count_publishers("current_command") > 1:
             raise NotReady("somebody else publishes current_command: end it first")
