@@ -23,9 +23,13 @@ description in the table.
 Each parameter is set at the start, `--ros-args -p NAME:=VALUE`, in a YAML file, or by a launch
 argument. A value outside its range is refused with the range. "when configured" takes effect only
 then: deactivate and clean up the node first, or start it again. "any time" takes effect at once,
-`ros2 param set /NODE NAME VALUE`. Numbers whose default has a decimal point need one. The launch
-files give the bridge a file, `bridge_config:=FILE`; a copy of `config/bridge.yaml` is a beginning.
+`ros2 param set /NODE NAME VALUE`. Numbers whose default has a decimal point need one.
 A misspelt name is refused; another unknown name is a warning, as one file may serve all nodes.
+
+`mock.launch.xml` and `robot.launch.xml` give all nodes one file, `config:=FILE`; a copy of
+`ros2_ws/src/musashi_muscle_bridge/config/nodes.yaml` is a beginning. Have no section `/**:` in
+it, and on a command line `--params-file FILE` before the first `-p`: otherwise ROS lets the file
+win over arguments.
 
 The faults of boards named here: [board_protocol.md](board_protocol.md#faults).
 """

@@ -69,6 +69,7 @@ _fastswing_env() {
   fi
   export VIRTUAL_ENV=$venv PYTHONNOUSERSITE=1
   _fastswing_first_on_path "$venv/bin"
+  [[ :$PATH: == *":$root/scripts/without_ros2:"* ]] || PATH+=:$root/scripts/without_ros2
   [[ -n ${FASTSWING_UNDERLAY_ONLY-} ]] && return 0
   if [[ ! -r $overlay ]]; then
     _fastswing_say "the workspace is not built; run: make build"

@@ -131,9 +131,9 @@ class Suite:
         """Start an executable, in place of one that has ended."""
         return self._start(name, parameters)
 
-    def start_from_file(self, name: str, parameter_file: Path) -> Process:
-        """Start an executable with the parameters of a file."""
-        return self._start(name, {}, "--params-file", str(parameter_file))
+    def start_from_file(self, name: str, parameter_file: Path, **parameters: object) -> Process:
+        """Start an executable with the parameters of a file, and others behind it."""
+        return self._start(name, parameters, "--params-file", str(parameter_file))
 
     def _start(self, name: str, parameters: Mapping[str, object], *ros_arguments: str) -> Process:
         if name in _ON_THE_BUS:

@@ -128,7 +128,7 @@ def test_with_a_fault_nothing_is_pulled(world: "Suite", tmp_path: Path) -> None:
 def test_without_a_bridge_it_says_so(world: "Suite", tmp_path: Path) -> None:
     run = calibrate(world, tmp_path / "found.yaml", "\n\n", "--muscles", "#6")
     assert run.returncode == 1
-    assert "is the bridge active?" in run.stdout
+    assert "is the bridge active, do its boards answer?" in run.stdout
 
 
 def test_an_existing_file_is_not_overwritten(world: "Suite", tmp_path: Path) -> None:

@@ -120,6 +120,15 @@ def test_with_every_frame_lost_the_bridge_says_that_nobody_answers(sound: "Suite
     )
 
 
+def test_boards_that_do_not_answer_and_answer_again_are_in_the_bridges_log(sound: "Suite") -> None:
+    bridge = sound.processes["bridge"]
+    let(sound, loss=1.0)
+    text = f"the boards do not answer on {sound.bus_url}"
+    sound.until("the log", lambda: text in bridge.log.read_text())
+    let(sound, loss=0.0)
+    sound.until("the end", lambda: "the boards answer again" in bridge.log.read_text())
+
+
 def test_damaged_commands_are_counted_by_the_boards(sound: "Suite") -> None:
     let(sound, corruption=0.3)
     sound.until("a count", lambda: int(sound.reported("mock_driver", "refused_damaged") or 0) > 0)

@@ -9,6 +9,7 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.msg import State
+from rcl_interfaces.srv import GetParameters
 
 if TYPE_CHECKING:
     from test.conftest import Suite
@@ -108,9 +109,34 @@ def test_what_the_kernel_refuses_is_a_warning_of_a_node_that_works(world: "Suite
     assert text in process.log.read_text()
 
 
-def test_the_bridge_takes_its_parameter_file(world: "Suite") -> None:
+@pytest.mark.parametrize("executable", ["bridge", "inhibitor", "planner", "swing_executor"])
+def test_a_node_takes_the_parameter_file(world: "Suite", executable: str) -> None:
     share = Path(get_package_share_directory("musashi_muscle_bridge"))
-    world.start_from_file("bridge", share / "config" / "bridge.yaml")
+    process = world.start_from_file(executable, share / "config" / "nodes.yaml")
+    world.wait_for_state(executable, State.PRIMARY_STATE_ACTIVE)
+    assert "WARN" not in process.log.read_text()
+
+
+def test_a_section_of_a_parameter_file_is_for_its_node_alone(
+    world: "Suite", tmp_path: Path
+) -> None:
+    path = tmp_path / "nodes.yaml"
+    path.write_text(
+        "/**/bridge: {ros__parameters: {control_rate: 5000.0}}\n"
+        "/**/inhibitor: {ros__parameters: {lease: 0.1}}\n"
+    )
+    world.start_from_file("inhibitor", path)
+    world.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
+    request = GetParameters.Request(names=["lease"])
+    (lease,) = world.ask(GetParameters, "/inhibitor/get_parameters", request).values
+    assert lease.double_value == 0.1
+    assert world.start_from_file("bridge", path).wait(END_SEC) == 2
+
+
+def test_an_argument_behind_the_parameter_file_wins(world: "Suite", tmp_path: Path) -> None:
+    path = tmp_path / "nodes.yaml"
+    path.write_text("/**/bridge: {ros__parameters: {control_rate: 5000.0}}\n")
+    world.start_from_file("bridge", path, control_rate=200.0)
     world.wait_for_state("bridge", State.PRIMARY_STATE_ACTIVE)
 
 
@@ -129,6 +155,14 @@ def test_a_watchdog_shorter_than_three_periods_is_refused(world: "Suite") -> Non
     process = world.start("bridge", control_rate=100.0, watchdog_timeout=0.02)
     assert process.wait(END_SEC) == 2
     assert "at least 3 control periods, 0.03 s at 100 Hz" in process.log.read_text()
+
+
+def test_a_number_without_its_decimal_point_is_told_so(world: "Suite") -> None:
+    process = world.start("bridge", control_rate=200)
+    assert process.wait(END_SEC) == 2
+    (line,) = process.log.read_text().splitlines()
+    assert "'control_rate' to '200'" in line
+    assert line.endswith("write it with a decimal point")
 
 
 def test_a_parameter_of_wrong_type_is_told_in_one_line(world: "Suite") -> None:

@@ -55,6 +55,7 @@ RUN_BY = {
     "ros2 param describe": "test_a_parameter_describes_itself",
     # What it would install; it is not here.
     "rosdep install": "test_packages.py::test_every_module_that_is_imported_is_declared",
+    "ros2 run": "test_ros2_run.py::test_it_becomes_the_executable_with_its_arguments_and_exit_code",
     "source scripts/ros_env.bash": "test_the_environment_has_the_packages",
     PLAN: "test_plan_prints_what_the_readme_shows",
     LAUNCH: "test_the_launched_bridge_holds_the_arm",

@@ -50,7 +50,7 @@ def read_page(name: str) -> FollowedPage:
 
 
 def _run(line: str, folder: Path) -> str:
-    # There may be no `ros2` command; the page says what stands for it.
+    # What `ros2 run` starts, whichever `ros2` there is.
     _, _, package, name, *arguments = shlex.split(line)
     run = subprocess.run(
         [str(executable(package, name)), *arguments],

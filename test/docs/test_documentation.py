@@ -134,6 +134,20 @@ def test_every_watchdog_action_is_named(action: WatchdogAction) -> None:
 
 
 @pytest.mark.parametrize(
+    "name",
+    sorted(
+        {
+            name
+            for path in (ROOT / "ros2_ws/src").glob("*/launch/*.xml")
+            for name in re.findall(r'<arg name="(\w+)"', path.read_text())
+        }
+    ),
+)
+def test_every_launch_argument_is_named(name: str) -> None:
+    assert re.search(rf"(?<!\w){name}:=", WRITTEN)
+
+
+@pytest.mark.parametrize(
     "target", re.findall(r"^([a-z][\w-]*):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 )
 def test_every_make_target_is_named(target: str) -> None:

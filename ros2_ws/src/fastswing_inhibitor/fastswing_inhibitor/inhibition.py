@@ -125,7 +125,7 @@ class Inhibition:
     def arm(self, arming: Arming) -> None:
         """Begin a swing with the next joint state; raises NotReady or StaleState if none come."""
         if self._seen is None:
-            raise NotReady("no joint state yet: is the bridge active?")
+            raise NotReady("no joint state yet: is the bridge active, do its boards answer?")
         age, allowed = arming.start_time - self._seen, self._settings.state_timeout
         if age > allowed:
             raise StaleState(

@@ -215,7 +215,9 @@ def test_arming_again_begins_afresh() -> None:
 
 def test_without_any_joint_state_nothing_is_armed() -> None:
     inhibition = disarmed()
-    with pytest.raises(NotReady, match=r"^no joint state yet: is the bridge active\?$"):
+    with pytest.raises(
+        NotReady, match=r"^no joint state yet: is the bridge active, do its boards answer\?$"
+    ):
         inhibition.arm(arming())
     assert not inhibition.armed
 

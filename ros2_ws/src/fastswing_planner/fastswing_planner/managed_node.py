@@ -365,7 +365,10 @@ def run(node_class: Callable[[], ManagedNode]) -> int:
         rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
         node = node_class()
     except Exception as error:
-        print(f"cannot start: {error}", file=sys.stderr)
+        # ROS reads `200` as an integer and takes none where the default is `500.0`.
+        integer = "'INTEGER', expecting type 'DOUBLE'" in str(error)
+        hint = "; write it with a decimal point" if integer else ""
+        print(f"cannot start: {error}{hint}", file=sys.stderr)
         rclpy.try_shutdown()
         return 2
     node.asked_to_end = stop.done

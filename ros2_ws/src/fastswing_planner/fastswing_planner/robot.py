@@ -73,6 +73,8 @@ def load_robot(path: Path) -> Robot:
 
     Raises RobotDescriptionError naming file, key, value and remedy.
     """
+    if path.suffix == ".xml" and path.is_file():
+        raise RobotDescriptionError(f"{path}: give the YAML file beside this MJCF, not itself")
     try:
         content = yaml.safe_load(path.read_text())
     except FileNotFoundError as error:

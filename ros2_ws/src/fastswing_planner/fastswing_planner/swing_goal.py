@@ -191,7 +191,10 @@ class SwingGoal:
         if joints is None or muscles is None:
             if now < self._states_deadline:
                 return None
-            raise SwingAborted("NOT_READY", "no joint and muscle states yet: is the bridge active?")
+            raise SwingAborted(
+                "NOT_READY",
+                "no joint and muscle states yet: is the bridge active, do its boards answer?",
+            )
         age = now - min(joints.time, muscles.time)
         if age > around.settings.state_timeout:
             raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")

@@ -130,6 +130,12 @@ def test_a_missing_file_says_what_to_set(tmp_path: Path) -> None:
     )
 
 
+def test_an_mjcf_in_place_of_the_yaml_is_told_so(tmp_path: Path) -> None:
+    path = tmp_path / "arm.xml"
+    path.write_text("<mujoco/>")
+    assert refusal(path) == f"{path}: give the YAML file beside this MJCF, not itself"
+
+
 @pytest.mark.parametrize("content", ["", "- a", "42"])
 def test_a_file_that_is_no_mapping_says_what_is_expected(tmp_path: Path, content: str) -> None:
     path = tmp_path / "robot.yaml"

@@ -62,6 +62,8 @@ _OVERRIDE = "current_override"
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _DEAD = "the control process died, see the log: nothing is sent, the boards' watchdog acts"
 _SWITCH_INTERVAL_SEC = 1e-4
+# Longer than the control process takes to start on a busy machine.
+_LASTING_SILENCE_SEC = 3.0
 _CLOCK_READINGS, _CLOCK_READING_NS = 5, 50_000
 _FAULTS = "faults, latched until clear_faults: {}"
 _WATCHDOG_PERIODS = 3
@@ -162,6 +164,8 @@ class BridgeNode(ManagedNode):
         self._last_rejection = ""
         self._measured: Measurement | None = None  # the newest
         self._logged_faults = ""
+        self._silent_since: dict[int, float] = {}
+        self._logged_silent: tuple[int, ...] = ()
         self._holds = 0  # so that a running swing notices that somebody holds the arm
         self._emergency_latched = False  # over a deactivation
         self._inputs: list[Any] = []
@@ -391,6 +395,7 @@ class BridgeNode(ManagedNode):
                 return DiagnosticStatus.WARN, "inactive; emergency stop until clear_faults", {}
             return DiagnosticStatus.OK, "inactive", {}
         status = self._loop.status
+        self._log_silence(status.silent)
         report = status.report
         values: dict[str, object] = {
             "read_only": self._values["read_only"],
@@ -433,6 +438,21 @@ class BridgeNode(ManagedNode):
         if text and text != self._logged_faults:
             self.get_logger().error(_FAULTS.format(text))
         self._logged_faults = text
+
+    def _log_silence(self, silent: tuple[int, ...]) -> None:
+        """Log buses that stay silent, and when all answer again; short pauses are no news."""
+        now = time.monotonic()
+        self._silent_since = {bus: self._silent_since.get(bus, now) for bus in silent}
+        lasting = tuple(
+            bus for bus, since in self._silent_since.items() if now - since > _LASTING_SILENCE_SEC
+        )
+        if set(lasting) - set(self._logged_silent):
+            urls = ", ".join(self._urls[bus] for bus in lasting)
+            self.get_logger().error(f"the boards do not answer on {urls}")
+            self._logged_silent = lasting
+        elif self._logged_silent and not silent:
+            self.get_logger().info("the boards answer again")
+            self._logged_silent = ()
 
     def _problems(self, values: Mapping[str, object]) -> Iterator[tuple[object, bytes, str]]:
         """Yield what can be wrong, the worst first: whether it is, its level and its text."""

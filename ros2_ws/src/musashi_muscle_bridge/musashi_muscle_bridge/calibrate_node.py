@@ -107,7 +107,7 @@ class Calibrator:
         if loose := self._not_held():
             raise NotReady(
                 f"muscles that do not hold a length: {', '.join(loose)}; end an emergency stop "
-                "with clear_faults, or what else drives them"
+                "with clear_faults, or what else drives them; is the bridge read only?"
             )
         if self._node.count_publishers("current_command") > 1:
             raise NotReady("somebody else publishes current_command: end it first")
@@ -122,7 +122,9 @@ class Calibrator:
     def _refuse_silence(self, patience: float) -> None:
         silence = time.monotonic() - self._seen
         if silence > patience:
-            raise StaleState(f"no muscle_state for {silence:.1f} s: is the bridge active?")
+            raise StaleState(
+                f"no muscle_state for {silence:.1f} s: is the bridge active, do its boards answer?"
+            )
 
     def offsets(self) -> dict[str, float]:
         """Return what to add to each muscle's length [m]; see `length_offsets`."""

@@ -106,7 +106,7 @@ def _banner(dashboard: Dashboard, now: float) -> Text:
     age = dashboard.pulses[STATE].age(now)
     words = []
     if math.isinf(age):
-        words.append("NO STATE YET: is the bridge active?")
+        words.append("NO STATE YET: is the bridge active, do its boards answer?")
     elif dashboard.rejected:
         words.append(f"STALE: {dashboard.rejected}")
     elif dashboard.stale(now):

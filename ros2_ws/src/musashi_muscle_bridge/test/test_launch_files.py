@@ -32,6 +32,11 @@ NODES = {
     "replay.launch.xml": [("fastswing_inhibitor", "inhibitor"), ("fastswing_inhibitor", "replay")],
     "robot.launch.xml": COMMON,
 }
+# What the parameter file has a section for.
+CONFIGURED = [row for row in COMMON if row[1] != "show_arm"]
+LAUNCH_ARGUMENTS = {"robot_description", "bus_url", "control_rate"}
+# What depends on what is installed, and what a copied file must not turn off again.
+NOT_CONFIGURED = {*LAUNCH_ARGUMENTS, "autostart", "solver", "read_only"}
 # rclpy's own, not in the node's table.
 OF_EVERY_NODE = {"use_sim_time"}
 NO_DEFAULT = {"replay.launch.xml": {"bag"}, "robot.launch.xml": {"bus_url"}}
@@ -72,12 +77,13 @@ def parameters(root: ElementTree.Element) -> Iterator[tuple[Parameter, str]]:
                 yield rows[parameter.attrib["name"]], parameter.attrib["value"]
 
 
-def bridge_config() -> dict[str, object]:
-    content = yaml.safe_load((PACKAGE / "config" / "bridge.yaml").read_text())
-    assert list(content) == ["/**"]
-    assert list(content["/**"]) == ["ros__parameters"]
-    values: dict[str, object] = content["/**"]["ros__parameters"]
-    return values
+def configured(node: str) -> dict[str, object]:
+    """Return what the parameter file says of a node, in whatever namespace."""
+    content = yaml.safe_load((PACKAGE / "config" / "nodes.yaml").read_text())
+    assert sorted(content) == sorted(f"/**/{name}" for _, name in CONFIGURED)
+    (values,) = content[f"/**/{node}"].values()
+    assert list(content[f"/**/{node}"]) == ["ros__parameters"]
+    return dict(values)
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -133,7 +139,7 @@ def test_only_what_nobody_can_guess_has_no_default(name: str) -> None:
 def test_the_same_argument_means_the_same_in_every_file(name: str) -> None:
     for other in FILES:
         ours, theirs = arguments(launch_file(name)), arguments(launch_file(other))
-        for row in ours.keys() & theirs.keys() & {"control_rate", "bridge_config", "enclave"}:
+        for row in ours.keys() & theirs.keys() & {"control_rate", "config", "enclave"}:
             assert ours[row].attrib == theirs[row].attrib
         assert ours["robot_description"].get("default") == theirs["robot_description"].get(
             "default"
@@ -171,17 +177,14 @@ def test_all_nodes_are_in_one_group_with_the_namespace(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ON_A_BUS)
-def test_only_the_bridge_loads_the_parameter_file(name: str) -> None:
+def test_every_node_loads_the_parameter_file_before_its_arguments(name: str) -> None:
     root = launch_file(name)
-    loads = {
-        node.attrib["exec"]: parameter.attrib["from"]
-        for node in nodes(root)
-        for parameter in node.findall("param")
-        if "from" in parameter.attrib
-    }
-    assert loads == {"bridge": "$(var bridge_config)"}
-    default = arguments(root)["bridge_config"].attrib["default"]
-    assert default == "$(find-pkg-share musashi_muscle_bridge)/config/bridge.yaml"
+    for node in nodes(root):
+        first, *others = node.findall("param")
+        assert first.attrib == {"from": "$(var config)"}
+        assert not any("from" in parameter.attrib for parameter in others)
+    default = arguments(root)["config"].attrib["default"]
+    assert default == "$(find-pkg-share musashi_muscle_bridge)/config/nodes.yaml"
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -192,10 +195,11 @@ def test_launch_itself_parses_the_file(name: str) -> None:
     assert parser.parse_description(entity).entities
 
 
-def test_the_bridges_parameter_file_states_the_defaults_of_its_table() -> None:
-    rows = table("musashi_muscle_bridge", "bridge")
-    values = bridge_config()
-    assert set(values) == set(rows) - {"autostart", "robot_description"}
+@pytest.mark.parametrize(("package", "name"), CONFIGURED)
+def test_the_parameter_file_states_the_defaults_of_the_tables(package: str, name: str) -> None:
+    rows = table(package, name)
+    values = configured(name)
+    assert set(values) == set(rows) - NOT_CONFIGURED
     check_all([rows[name] for name in values], values)
     for name, value in values.items():
         assert type(value) is type(rows[name].default), name

@@ -160,7 +160,7 @@ def measure_swings(
         ).tolist()
         burst = replace(found, first=first, last=last, fastest=fastest)
         plan, planned_other = _plan_of(recording, burst)
-        if plan is not None and not burst.armed and _way(joints, plan, burst) < _LEAST_WAY:
+        if plan is not None and not burst.armed and _is_no_swing(joints, plan, burst):
             continue
         after = max((one.start for one in swings if one.commanded), default=-np.inf)
         swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance, after)
@@ -182,8 +182,23 @@ def _plan_of(recording: Recording, burst: Burst) -> tuple[RecordedPlan | None, b
         return plan, False
     begin = _posture(joints, plan.joint_names, burst.first)
     distances = [float(np.linalg.norm(begin - end)) for end in (plan.start, plan.end)]
-    # A motion away from the plan's end, such as raising the arm again, is judged by its way.
-    return (None, True) if min(distances) > _NEAR_PLAN_RAD else (plan, False)
+    # A motion away from the plan's end, or to its start, is judged by its way.
+    if min(distances) > _NEAR_PLAN_RAD and not _raises(joints, plan, burst):
+        return None, True
+    return plan, False
+
+
+def _is_no_swing(joints: JointSeries, plan: RecordedPlan, burst: Burst) -> bool:
+    return _raises(joints, plan, burst) or _way(joints, plan, burst) < _LEAST_WAY
+
+
+def _raises(joints: JointSeries, plan: RecordedPlan, burst: Burst) -> bool:
+    """Whether a motion goes to the plan's start posture, from wherever the arm hung."""
+    begin, finish = (
+        float(np.linalg.norm(_posture(joints, plan.joint_names, row) - plan.start))
+        for row in (burst.first, burst.last)
+    )
+    return finish <= _NEAR_PLAN_RAD < begin
 
 
 def _posture(joints: JointSeries, names: tuple[str, ...], row: int) -> Vector:

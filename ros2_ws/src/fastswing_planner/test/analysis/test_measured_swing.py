@@ -102,15 +102,19 @@ def test_muscles_have_speed_tension_mask_and_time_under_override(recorded: Recor
     assert muscles["#1"].inhibited == 0.0
 
 
-def test_raising_the_arm_faster_than_a_swing_is_no_swing(recorded: Recorded) -> None:
+@pytest.mark.parametrize("beyond_end", [0.0, 1.0, -3.0], ids=["end", "beyond end", "before start"])
+def test_raising_the_arm_faster_than_a_swing_is_no_swing(
+    recorded: Recorded, beyond_end: float
+) -> None:
     recording = recorded()
     velocity, speed = recording.joints.velocity.copy(), recording.speed.speed.copy()
     raising = recording.joints.time < 2.0
     velocity[raising], speed[raising] = -1.5, 1.5
     plan = recording.plans[0]
-    # From the plan's end to its start, as before a second swing.
+    # From the plan's end to its start, as before a second swing, or from where the arm hung.
     position = recording.joints.position.copy()
-    position[raising, 1] = np.linspace(plan.end[1], plan.start[1], int(raising.sum()))
+    hanging = plan.end[1] + beyond_end
+    position[raising, 1] = np.linspace(hanging, plan.start[1], int(raising.sum()))
     again = replace(
         recording,
         joints=replace(recording.joints, velocity=velocity, position=position),
