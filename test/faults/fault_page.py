@@ -70,8 +70,12 @@ BESIDES = """## Besides
   sent before the fault follows from the bridge's rate: it sends one frame each period, and catches
   up one at most. Only frames that may have been sent after the fault count.
 - **Current commands are not tension commands**: 1e6 A is clamped to the robot's `current_limit`,
-  which pulls more than `tension_max`; when the stream ends the muscle holds the length it has, and
-  so the tension. The boards pay out above `tension_limit`.
+  and reduced by the tension and speed that are measured ([safety.md](safety.md), promise 8). It may
+  pull more than `tension_max`; when the stream ends the muscle holds the length it has, and so the
+  tension.
+- **Boards that hold when frames stop** (`watchdog_action` hold_length) keep without current what an
+  override had let go. `emergency_stop` takes the current from the others too, as soon as a bridge
+  reaches them: `test/test_safety.py`.
 
 """
 

@@ -259,6 +259,32 @@ BUS_ROWS += [
     ),
 ]
 
+_WITH_BOARDS_THAT_HOLD = "with `watchdog_action` hold_length: "
+HOLD_LENGTH_ROWS = [
+    Row(
+        "Bus and boards",
+        _WITH_BOARDS_THAT_HOLD + "SIGKILL of bridge",
+        "swing",
+        lambda bench: make.end_or_stop(bench, "bridge", signal.SIGKILL),
+        Safe.WATCHDOG,
+        [_WATCHDOGS, ("result", _STOPPED)],
+        [_start("bridge"), CLEAR],
+        quick=False,
+        prepare=make.boards_that_hold,
+    ),
+    Row(
+        "Bus and boards",
+        _WITH_BOARDS_THAT_HOLD + "bus dead",
+        "swing",
+        _line(loss=1.0),
+        Safe.WATCHDOG,
+        [_NOT_ANSWERING, _WATCHDOGS, ("result", _STOPPED)],
+        [_mend("connect the bus", loss=0.0), CLEAR],
+        quick=False,
+        prepare=make.boards_that_hold,
+    ),
+]
+
 MESSAGE_ROWS = [
     Row(
         "Messages",
@@ -457,6 +483,7 @@ ROWS = [
     _control_row(signal.SIGSTOP, "stands still"),
     *[_restart_row(node) for node in NODES],
     *BUS_ROWS,
+    *HOLD_LENGTH_ROWS,
     *MESSAGE_ROWS,
     *TIME_ROWS,
     *MACHINE_ROWS,

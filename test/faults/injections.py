@@ -14,6 +14,7 @@ from typing import Any
 from bench import Bench, Disturbed, Swing
 from board_lines import CURRENT, TENSION, ZERO
 from builtin_interfaces.msg import Duration
+from lifecycle_msgs.msg import State
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
@@ -67,6 +68,20 @@ def end_or_stop(bench: Bench, node: str, signal_number: int) -> None:
         bench.suite.processes[node].send(signal_number)
     else:
         bench.kill(node, signal_number)
+
+
+def boards_that_hold(bench: Bench) -> bool:
+    """Before the fault: a bridge whose boards hold when its frames stop, for this fault alone."""
+
+    def end() -> None:
+        bench.kill("bridge", signal.SIGINT)
+
+    end()
+    bench.suite.start("bridge", watchdog_action="hold_length")
+    bench.suite.wait_for_state("bridge", State.PRIMARY_STATE_ACTIVE)
+    bench.suite.hold()
+    bench.extra.append(end)
+    return False
 
 
 def end_or_stop_control(bench: Bench, signal_number: int) -> None:
