@@ -245,7 +245,9 @@ class Bench:
         suite.fresh_muscles()
         suite.hold()
         suite.trigger("disarm_inhibitor")
+        # What an hour of swings leaves behind would slow this process down.
         self.lines.forget(self.tidied_at)
+        suite.length_commands.clear()
         self.tidied_at = time.monotonic()
 
     def _mend_control_process(self) -> None:

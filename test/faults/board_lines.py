@@ -90,7 +90,7 @@ class BoardLines:
         )
 
     def forget(self, time: float) -> None:
-        """Drop what was taken before a time [s]: an hour of frames would slow down the tests."""
+        """Drop what was taken before a time [s]."""
         self.commands = self.commands_since(time)
         self.boards = [line for line in self.boards if line.time >= time]
 

@@ -122,7 +122,8 @@ def _alike(texts: Iterable[str]) -> Counter[str]:
 
 
 def _cell(text: str) -> str:
-    text = " ".join(text.split()).replace("|", "\\|")
+    # Of a file its name: the rest is this machine's.
+    text = re.sub(r"(?<=\s)/\S+/", "", " ".join(text.split()).replace("|", "\\|"))
     return text if len(text) <= _LONGEST_TEXT else text[: _LONGEST_TEXT - 1] + "…"
 
 
