@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from fastswing_planner.arrays import (
     Matrix,
     Vector,
-    constant,
     contiguous,
     frozen,
     made_frozen,
@@ -28,7 +27,7 @@ from fastswing_planner.mjcf_names import (
 from fastswing_planner.muscle_model import Payload
 
 _SHORTEST = 1e-6  # [m]
-_SMALLEST_ARM = constant(1e-9)  # [m/rad]; less is round-off
+_SMALLEST_ARM = 1e-9  # [m/rad]; less is round-off
 
 
 def load_mjcf(path: Path) -> mujoco.MjModel:
@@ -98,6 +97,9 @@ class MujocoMuscleModel:
         if not self._coupling.followers:
             places = places[:, self._dofs]
         self._absent, self._places = places < 0, np.maximum(places, 0)
+        self._smallest = np.full((len(self.muscle_names), len(self.joint_names)), _SMALLEST_ARM)
+        if not self._coupling.followers:
+            self._smallest[self._absent] = np.inf  # whatever stands there is another element's
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
         for posture in postures:
             refuse_restrained_joints(model, self._coupling, posture)
@@ -144,10 +146,10 @@ class MujocoMuscleModel:
         """Return G(theta) [m/rad], shape (m, n); exactly 0 where a muscle does not move."""
         rates = self._update(joint_position)
         arms = self._sparse_arms.take(self._places)
-        arms[self._absent] = 0.0
         if self._coupling.followers:
+            arms[self._absent] = 0.0
             arms = arms @ rates
-        arms[np.abs(arms) < _SMALLEST_ARM] = 0.0
+        arms[np.abs(arms) < self._smallest] = 0.0
         return made_frozen(arms)
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:

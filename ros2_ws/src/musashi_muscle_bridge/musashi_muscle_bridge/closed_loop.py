@@ -33,6 +33,7 @@ from musashi_muscle_bridge.protocol import Fault, Mode, StateFrame, WatchdogActi
 
 # Plain numbers: they compare much faster than an enumeration's members.
 _NO_FAULT, _ZERO_CURRENT = int(Fault.NONE), int(Mode.ZERO_CURRENT)
+_REASONS = {reason: reason.name.lower() for reason in Reason}  # likewise an enumeration's names
 
 
 class Sample(NamedTuple):
@@ -155,7 +156,7 @@ class ClosedLoop:
                     self._now,
                     self._inhibition.armed,
                     decision.reason is Reason.GOAL_REACHED,
-                    decision.reason.name.lower(),
+                    _REASONS[decision.reason],
                 )
             )
         else:
