@@ -7,14 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import (
-    Matrix,
-    Vector,
-    contiguous,
-    frozen,
-    made_frozen,
-    unique_known,
-)
+from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.mjcf_names import (
