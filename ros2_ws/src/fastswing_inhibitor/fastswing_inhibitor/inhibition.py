@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fastswing_planner.arrays import BoolVector, Vector, frozen
+from fastswing_planner.arrays import BoolVector, Vector, constant, frozen
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.speed_index import moment_arm, speed_index
@@ -99,9 +99,14 @@ class Inhibition:
         self._settings = settings
         self._arming: Arming | None = None
         self._free: BoolVector = np.zeros(velocity_limit.size, dtype=bool)
+        self._threshold = constant(np.nan)
+        self._oldest = min(settings.state_timeout, settings.lease)
+        self._goal: list[float] = []
         self._last: JointMeasurement | None = None
-        self._way: Vector | None = None
-        self._way_length = 0.0
+        self._last_position: list[float] = []
+        self._way: Vector = np.zeros(0)
+        self._goal_on_way = 0.0
+        self._reversal = 0.0
         self._seen: float | None = None
         self.reason = Reason.NEVER_ARMED
         self.decisions = 0
@@ -134,8 +139,9 @@ class Inhibition:
             )
         self._arming = arming
         self._free = ~arming.protected
+        self._threshold = constant(arming.threshold)
+        self._goal = arming.goal.tolist()
         self._last = None
-        self._way = None
         self.reason = Reason.NONE
         self.decisions = 0
         self.rejected = 0
@@ -173,35 +179,46 @@ class Inhibition:
         """
         now = joints.time if now is None else now
         self.watch(now)
-        arming = self._arming
+        arming, settings = self._arming, self._settings
         if arming is None:
             return self.nothing()
-        age = now - joints.time
-        allowed = min(self._settings.state_timeout, self._settings.lease)
-        if age > allowed:
-            raise StaleState(f"a joint state is {age:.3f} s old, at most {allowed:g} s")
-        speed = math.hypot(*joints.velocity.tolist())
+        time, position, velocity = joints
+        age = now - time
+        if age > self._oldest:
+            raise StaleState(f"a joint state is {age:.3f} s old, at most {self._oldest:g} s")
+        # The standard library's norms: for a few joints they take a third of numpy's time.
+        speed = math.hypot(*velocity.tolist())
         # No joint is faster than all together are.
-        if speed > self._settings.max_joint_speed:
-            self._refuse_absurd_speed(joints.velocity)
-        end = self._end_reason(joints, arming)
+        if speed > settings.max_joint_speed:
+            self._refuse_absurd_speed(velocity)
+        here = position.tolist()
+        if self._last is None:
+            self._set_out(arming.goal, position)
+        end = self._end_reason(joints, here)
         if self._last is not None:
-            lapse = now - self._last.time - self._settings.lease
-            self.longest_lapse = max(self.longest_lapse, lapse)
-        self._last = joints
-        self._seen = joints.time
+            lapse = now - self._last.time - settings.lease
+            if lapse > self.longest_lapse:
+                self.longest_lapse = lapse
+        self._last, self._last_position = joints, here
+        self._seen = time
         if end is not Reason.NONE:
             self.disarm(end)
             return self.nothing()
         self.decisions += 1
-        slow = speed < self._settings.velocity_threshold
+        slow = speed < settings.velocity_threshold
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
-        direction = arming.goal - joints.position if slow else joints.velocity
-        arms = moment_arm(self._model.jacobian(joints.position), direction)
+        direction = arming.goal - position if slow else velocity
+        arms = moment_arm(self._model.jacobian(position), direction)
         index = speed_index(arms, self._velocity_limit)
         # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
-        inhibited = (index > arming.threshold) & self._free
+        inhibited = (index > self._threshold) & self._free
         return Decision(inhibited, index, slow, Reason.NONE)
+
+    def _set_out(self, goal: Vector, start: Vector) -> None:
+        """Take the way to the goal from where the arm is first seen."""
+        self._way = goal - start
+        self._goal_on_way = float(goal.dot(self._way))
+        self._reversal = self._settings.reversal_speed * math.hypot(*self._way.tolist())
 
     def _refuse_absurd_speed(self, velocity: Vector) -> None:
         fastest, allowed = float(np.abs(velocity).max()), self._settings.max_joint_speed
@@ -215,28 +232,23 @@ class Inhibition:
             np.zeros(count, dtype=bool), frozen(np.full(count, np.nan)), False, self.reason
         )
 
-    def _end_reason(self, joints: JointMeasurement, arming: Arming) -> Reason:
+    def _end_reason(self, joints: JointMeasurement, here: list[float]) -> Reason:
+        """Return why the swing ends at this state; here: its position as plain numbers."""
         settings = self._settings
-        # The standard library's norms: for a few joints they take a third of numpy's time.
-        here = joints.position.tolist()
         if self._last is not None:
             elapsed = max(joints.time - self._last.time, 0.0)
             allowed = settings.max_joint_speed * elapsed + settings.jump_tolerance
-            before = self._last.position.tolist()
+            before = self._last_position
             # No joint moved farther than all together did.
             if math.dist(here, before) > allowed and _farthest(here, before) > allowed:
                 return Reason.STATE_JUMP
-        if self._way is None:
-            # From where it was first seen.
-            self._way = arming.goal - joints.position
-            self._way_length = math.hypot(*self._way.tolist())
-        if math.dist(here, arming.goal.tolist()) < settings.goal_tolerance:
+        if math.dist(here, self._goal) < settings.goal_tolerance:
             return Reason.GOAL_REACHED
         # Passed: the projection on the way from start to goal lies beyond the goal.
-        if (arming.goal - joints.position).dot(self._way) <= 0.0:
+        if joints.position.dot(self._way) >= self._goal_on_way:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
-        if joints.velocity.dot(self._way) < -settings.reversal_speed * self._way_length:
+        if joints.velocity.dot(self._way) < -self._reversal:
             return Reason.REVERSED
         return Reason.NONE
 

@@ -101,6 +101,7 @@ class ManagedNode(LifecycleNode):
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self.guarded(self._apply_parameters))
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
+        self._now = self.get_clock().handle.get_now
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.create_steady_timer(
             _DIAGNOSTICS_PERIOD_SEC, self.publish_diagnostics
@@ -300,7 +301,7 @@ class ManagedNode(LifecycleNode):
         """
         made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
         # Clock.now() would put the number into an object that takes longer to make than to ask for.
-        now_ns: int = self.get_clock().handle.get_now().nanoseconds
+        now_ns: int = self._now().nanoseconds
         return (now_ns - made_ns) * 1e-9
 
     # Diagnostics.

@@ -19,7 +19,7 @@ def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
     if not norm > 0.0:
         raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
     # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
-    return made_frozen(muscle_jacobian.dot(direction / norm))
+    return made_frozen(muscle_jacobian.dot(direction) / norm)
 
 
 def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
