@@ -2,12 +2,16 @@
 
 import os
 import signal
+from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from ament_index_python.packages import get_package_share_directory
-from diagnostic_msgs.msg import DiagnosticStatus
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import State
 from rcl_interfaces.srv import GetParameters
 
@@ -89,6 +93,26 @@ def test_the_timers_of_a_node_and_of_its_middleware_are_tight(
     assert slack[str(process)] == 1
     # numpy's own threads are older.
     assert sum(value == 1 for value in slack.values()) > len(threads) / 2
+
+
+def test_who_begins_to_listen_to_diagnostics_need_not_wait_for_their_next_turn(
+    world: "Suite",
+) -> None:
+    world.start("inhibitor")
+    heard: list[Time] = []
+
+    def listen(callback: Callable[[DiagnosticArray], None]) -> None:
+        world.node.create_subscription(DiagnosticArray, "/diagnostics", callback, 10)
+
+    def shortest_gap() -> float:
+        times = [stamp.sec + stamp.nanosec * 1e-9 for stamp in heard]
+        return min((later - one for one, later in pairwise(times)), default=np.inf)
+
+    listen(lambda message: heard.append(message.header.stamp))
+    world.until("diagnostics", lambda: bool(heard))
+    listen(lambda _: None)
+    # Between two turns, which are a second apart.
+    world.until("diagnostics out of turn", lambda: shortest_gap() < 0.75)
 
 
 def test_all_threads_of_a_node_run_on_the_cores_of_its_parameter(world: "Suite") -> None:

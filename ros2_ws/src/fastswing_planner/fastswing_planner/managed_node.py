@@ -58,7 +58,7 @@ os.environ.setdefault("MUJOCO_GL", "disable")
 # take its port for the dead one's and remove it, and no emergency stop arrives any more.
 _TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 _NEARLY = 0.8  # of difflib's similarity; parameters of different nodes are below
-_SIGNALS_SEC = 0.1
+_OFTEN_SEC = 0.1
 _SPIN_SLICE_SEC = 3600.0
 _LAST_WORDS_SEC = 0.2
 _DIAGNOSTICS_PERIOD_SEC = 1.0
@@ -102,6 +102,7 @@ class ManagedNode(LifecycleNode):
         self.add_post_set_parameters_callback(self.guarded(self._apply_parameters))
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._now = self.get_clock().handle.get_now
+        self._listeners = 0
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._diagnostics_timer = self.create_steady_timer(
             _DIAGNOSTICS_PERIOD_SEC, self.publish_diagnostics
@@ -333,13 +334,20 @@ class ManagedNode(LifecycleNode):
         message.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(message)
 
+    def greet_listeners(self) -> None:
+        """Publish diagnostics for who began to listen since the last call."""
+        listeners = self._diagnostics.get_subscription_count()
+        if listeners > self._listeners:
+            self.publish_diagnostics()
+        self._listeners = listeners
+
 
 def spin(node: ManagedNode, stop: Future) -> None:
-    """Spin until `stop` is done, then stop working; signals are noticed every _SIGNALS_SEC."""
+    """Spin until `stop` is done, then stop working; signals are noticed every _OFTEN_SEC."""
     executor = EventsExecutor()
     executor.add_node(node)
-    # Python calls its signal handlers between two of its own instructions.
-    node.create_steady_timer(_SIGNALS_SEC, lambda: None)
+    # Python calls its signal handlers between two of its own instructions, so this serves them too.
+    node.create_steady_timer(_OFTEN_SEC, node.greet_listeners)
     # EventsExecutor.spin() without a timeout livelocks in rclpy 7.1, and each call of this one
     # leaves some memory behind.
     while not stop.done():
