@@ -1,10 +1,14 @@
 """What the benchmarks make of the boards' log and of the baseline beside it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from board_times import BoardTimes, read_board_log
+from board_times import BoardTimes, missed_periods, read_board_log
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
 from pace_baseline import Pace
 
 LOG = (
@@ -49,3 +53,34 @@ def test_a_stall_explains_what_was_missed_while_it_lasted(
 ) -> None:
     pace = Pace(began=np.array([1.2, 2.0]), lateness=np.array([0.2, 0.0]), round_trip=np.zeros(2))
     assert pace.stalled(begin, end, limit=0.1) is stalled
+
+
+def frames(*late: tuple[int, float], without: Sequence[int] = ()) -> NDArray[np.float64]:
+    """Return when frames of 1 ms came: some late, by their number and [ms], some not at all."""
+    times = np.arange(50.0)
+    for number, by in late:
+        times[number] += by
+    return 5.0 + np.delete(times, list(without)) * 1e-3
+
+
+def test_no_period_is_missed_by_a_frame_that_came_late() -> None:
+    assert missed_periods(frames((20, 0.6)), 1e-3) == []
+
+
+def test_no_period_is_missed_by_frames_that_a_stall_held_back() -> None:
+    assert missed_periods(frames((20, 3.4), (21, 2.5), (22, 1.6), (23, 0.7)), 1e-3) == []
+
+
+@given(st.integers(2, 40), st.integers(1, 6), st.floats(0.0, 0.4))
+def test_periods_without_a_frame_are_missed(first: int, count: int, late: float) -> None:
+    behind = first + count
+    times = frames((behind, late), without=range(first, behind))
+    ((begin, end, missing),) = missed_periods(times, 1e-3)
+    assert missing == count
+    assert begin == times[first - 1]
+    assert end == times[first]
+
+
+def test_two_gaps_near_each_other_are_one() -> None:
+    ((_, _, missing),) = missed_periods(frames((21, 0.5), without=[20, 23]), 1e-3)
+    assert missing == 2

@@ -7,6 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ZERO_CURRENT = ord("0")
+_LATE = 1.5
+"""Periods from one frame to the next that are too many."""
+_ON_TIME = 8
+"""So many frames before a late one, and behind it, frames keep their times."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,30 @@ class BoardTimes:
         first = int(np.searchsorted(self.arrived, since))
         found = np.flatnonzero(self.off[first:, muscle])
         return first + int(found[0]) if found.size else None
+
+
+def missed_periods(arrived: NDArray[np.float64], period: float) -> list[tuple[float, float, int]]:
+    """Return where periods have no frame: from one frame to another [s], and how many are missing.
+
+    arrived  when frames came [s], shape (k,)
+    period   [s] from one to the next
+
+    A frame that only came late has its period: the next one is nearer to it.
+    """
+    found = []
+    gaps = np.flatnonzero(np.diff(arrived) > _LATE * period)
+    after = 0
+    for gap in gaps.tolist():
+        if gap < after:
+            continue  # frames were not yet on time again
+        later = gaps[(gaps >= gap) & (gaps < gap + _ON_TIME)]
+        before = max(gap - _ON_TIME, after)
+        after = min(int(later[-1]) + _ON_TIME, arrived.size - 1)
+        periods = round((arrived[after] - arrived[before]) / period)
+        missing = periods - (after - before)
+        if missing > 0:
+            found.append((float(arrived[gap]), float(arrived[later[-1] + 1]), missing))
+    return found
 
 
 def read_board_log(path: Path) -> BoardTimes:

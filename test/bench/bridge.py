@@ -15,7 +15,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[2] / "demo"))
 
 import numpy as np
-from board_times import BoardTimes, read_board_log
+from board_times import BoardTimes, missed_periods, read_board_log
 from builtin_interfaces.msg import Duration
 from limbed_arm import write_limbed_arm
 from listening import Listener
@@ -46,8 +46,6 @@ JITTER_BOUND = 0.5e-3
 _SWITCH_SEC = 0.025
 _LEASE_SEC = 0.2
 _SETTLE_SEC = 1.0
-_LATE = 1.5
-"""Periods from one frame to the next with at least one missed between them."""
 _STALL = 0.5
 """Periods by which the baseline has to be late for its stall to explain a missed period."""
 
@@ -185,19 +183,17 @@ def _add_periods(
     end: float,
 ) -> None:
     arrived = arrived[(arrived > begin) & (arrived < end)]
-    periods = np.diff(arrived)
-    measured.jitter.append(np.abs(periods - PERIOD))
-    missed = np.rint(periods / PERIOD).astype(int) - 1
-    gaps = np.flatnonzero(periods > _LATE * PERIOD)
+    measured.jitter.append(np.abs(np.diff(arrived) - PERIOD))
+    missed = missed_periods(arrived, PERIOD)
     limit = _STALL * PERIOD
-    excused = [
-        gap
-        for gap in gaps
-        if any(pace.stalled(arrived[gap], arrived[gap + 1], limit) for pace in paces)
-    ]
-    total = int(missed[gaps].sum())
-    measured.missed.append(total)
-    measured.unexcused.append(total - int(missed[excused].sum()))
+    measured.missed.append(sum(count for _, _, count in missed))
+    measured.unexcused.append(
+        sum(
+            count
+            for first, last, count in missed
+            if not any(pace.stalled(first, last, limit) for pace in paces)
+        )
+    )
 
 
 def _row(

@@ -18,12 +18,15 @@ from limbed_arm import write_limbed_arm
 from plain_planner import PlainPlanner
 from processes import Process, free_domain, isolated_environment, stop_all
 from rclpy.experimental import EventsExecutor
+from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.signals import SignalHandlerOptions
 from rounds import Row, Samples, in_turns, repeated, row
 
 from fastswing_msgs.msg import ErrorCode
+from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.plan_conversion import plan_to_message
 from fastswing_planner.qp_solvers import SOLVERS, solver_from
 from fastswing_planner.request import Method, Search, SwingRequest
 from fastswing_planner.robot import Robot, load_robot
@@ -52,7 +55,7 @@ planner.plan(SwingRequest(robot.postures["start"], robot.postures["end"]))
 print(json.dumps(time.perf_counter() - begin))
 """
 
-# A service that computes nothing and takes as long as a plan [s].
+# A service that answers nothing and works as long as a plan takes [s].
 _EMPTY = """
 import sys, time
 import rclpy
@@ -60,7 +63,9 @@ from rclpy.experimental import EventsExecutor
 from rclpy.task import Future
 from fastswing_msgs.srv import PlanSwing
 def answer(request, response):
-    time.sleep(float(sys.argv[1]))
+    end = time.perf_counter() + float(sys.argv[1])
+    while time.perf_counter() < end:
+        pass
     return response
 rclpy.init()
 node = rclpy.create_node("empty", enable_rosout=False, start_parameter_services=False)
@@ -251,8 +256,20 @@ def _service_rows(robot: Robot, rounds: int, count: int) -> list[Row]:
     return [
         asked,
         row("what the service adds", added, at_most=1.0),
-        row("what a service adds that only waits as long", floor),
+        row("what a service adds that works as long and answers nothing", floor),
+        row("what a plan costs as a message, there and back", _converted(robot, rounds, count)),
     ]
+
+
+def _converted(robot: Robot, rounds: int, count: int) -> list[Samples]:
+    """Return what planner and client spend on a plan's message, without the middleware's ways."""
+    request = SwingRequest(robot.postures["start"], robot.postures["end"])
+    planned = SwingPlanner(robot.model, robot.limits, solver_from("daqp")).plan(request)
+
+    def convert() -> None:
+        deserialize_message(serialize_message(plan_to_message(planned)), SwingPlanMessage)
+
+    return in_turns({"converted": repeated(convert, count)}, rounds)["converted"]
 
 
 # Growth.
