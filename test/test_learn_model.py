@@ -168,6 +168,12 @@ def test_the_jacobian_is_five_times_nearer(case: Learned) -> None:
     assert after < before / 5.0
 
 
+def test_its_muscles_lengthen_as_the_learned_jacobian_says(case: Learned) -> None:
+    model, posture, speeds = case.learned.model, case.postures[10], [1.0, -0.5, 2.0, 0.3, -1.0]
+    expected = model.jacobian(posture) @ speeds
+    assert model.lengthening(posture.tolist(), speeds) == pytest.approx(expected, abs=1e-12)
+
+
 def test_the_predicted_time_is_nearer(case: Learned) -> None:
     true = predicted_time(case.true)
     before = abs(predicted_time(case.plain) - true)

@@ -9,14 +9,13 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_inhibitor.decision_messages import DecisionMessages
-from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings
+from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, JointNumbers
 from fastswing_inhibitor.latency import LatencyHistogram
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.robot import Robot
-from fastswing_planner.swing_execution import JointMeasurement
 
 TOPICS = {
     "/joint_states": "sensor_msgs/msg/JointState",
@@ -47,7 +46,9 @@ def write_decided_bag(path: Path, robot: Robot, count: int) -> Path:
         position = start + velocity * index * _PERIOD_SEC
         time_ns = _START_NS + index * 1_000_000
         header = Header(stamp=Time(sec=time_ns // 10**9, nanosec=time_ns % 10**9))
-        decision = inhibition.decide(JointMeasurement(index * _PERIOD_SEC, position, velocity))
+        decision = inhibition.decide(
+            JointNumbers(index * _PERIOD_SEC, position.tolist(), velocity.tolist())
+        )
         states = JointState(
             header=header,
             name=model.joint_names,

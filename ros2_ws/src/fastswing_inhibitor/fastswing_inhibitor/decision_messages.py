@@ -5,9 +5,9 @@ inhibited muscles.
 """
 
 from collections.abc import Sequence
+from itertools import compress
 from typing import Any, NamedTuple
 
-import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from std_msgs.msg import Header
 
@@ -66,7 +66,7 @@ class DecisionMessages:
             reason_text=reason_text,
             threshold=inhibition.threshold,
             name=self._muscle_names,
-            speed_index=decision.speed_index.tolist(),
+            speed_index=list(decision.speed_index),
             inhibited=self._inhibited(decision),
             direction_from_goal=decision.direction_from_goal,
             decisions=inhibition.decisions,
@@ -77,7 +77,7 @@ class DecisionMessages:
         )
 
     def _inhibited(self, decision: Decision) -> list[str]:
-        return [self._muscle_names[index] for index in np.flatnonzero(decision.inhibited)]
+        return list(compress(self._muscle_names, decision.inhibited))
 
 
 class _Templates(NamedTuple):
@@ -98,7 +98,7 @@ class RawDecisionMessages:
         self._ordinary = ordinary
         self._inhibition = inhibition
         self._latency = latency
-        self._kept: dict[tuple[str, bytes], _Templates] = {}
+        self._kept: dict[tuple[str, tuple[bool, ...]], _Templates] = {}
 
     def override(self, header: Any, decision: Decision) -> CurrentOverride | bytes:
         """Return the override of a decision; see `DecisionMessages`."""
@@ -136,8 +136,8 @@ class RawDecisionMessages:
         return kept
 
 
-def _key(header: Any, decision: Decision) -> tuple[str, bytes]:
-    return header.frame_id, decision.inhibited.tobytes()
+def _key(header: Any, decision: Decision) -> tuple[str, tuple[bool, ...]]:
+    return header.frame_id, decision.inhibited
 
 
 def _ordinary(header: Any) -> Header:

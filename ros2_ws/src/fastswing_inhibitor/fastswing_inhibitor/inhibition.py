@@ -1,17 +1,19 @@
-"""The inhibition rule and the conditions that end it; without clock or I/O."""
+"""The inhibition rule and the conditions that end it; without clock or I/O.
+
+It runs a thousand times a second on a core that has just woken, where each function of numpy
+costs several times what plain numbers do: there are none here but those of the arming.
+"""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from operator import mul
 from typing import NamedTuple
 
-import numpy as np
-
-from fastswing_planner.arrays import BoolVector, Vector, constant, frozen
+from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
 from fastswing_planner.muscle_model import MuscleModel
-from fastswing_planner.speed_index import moment_arm, speed_index
-from fastswing_planner.swing_execution import JointMeasurement
 
 
 class Reason(IntEnum):
@@ -51,17 +53,25 @@ class InhibitionSettings:
     jump_tolerance: float = 0.1
 
 
+class JointNumbers(NamedTuple):
+    """A joint state as plain numbers: time [s]; position [rad], velocity [rad/s] of n joints."""
+
+    time: float
+    position: Sequence[float]
+    velocity: Sequence[float]
+
+
 class Decision(NamedTuple):
     """What to inhibit now.
 
-    inhibited            shape (m,); nothing once the swing is over
-    speed_index          q [s/rad], shape (m,); NaN if not evaluated
+    inhibited            of m muscles; none once the swing is over
+    speed_index          q [s/rad] of m muscles; NaN if not evaluated
     direction_from_goal  the arm was too slow for its own direction
     reason               NONE while armed
     """
 
-    inhibited: BoolVector
-    speed_index: Vector
+    inhibited: tuple[bool, ...]
+    speed_index: tuple[float, ...]
     direction_from_goal: bool
     reason: Reason
 
@@ -95,16 +105,14 @@ class Inhibition:
     ) -> None:
         """Start disarmed."""
         self._model = model
-        self._velocity_limit = velocity_limit
+        self._velocity_limit: list[float] = velocity_limit.tolist()
         self._settings = settings
-        self._arming: Arming | None = None
-        self._free: BoolVector = np.zeros(velocity_limit.size, dtype=bool)
-        self._threshold = constant(np.nan)
         self._oldest = min(settings.state_timeout, settings.lease)
+        self._arming: Arming | None = None
+        self._free: list[bool] = []
         self._goal: list[float] = []
-        self._last: JointMeasurement | None = None
-        self._last_position: list[float] = []
-        self._way: Vector = np.zeros(0)
+        self._last: JointNumbers | None = None
+        self._way: list[float] = []
         self._goal_on_way = 0.0
         self._reversal = 0.0
         self._seen: float | None = None
@@ -121,7 +129,7 @@ class Inhibition:
     @property
     def threshold(self) -> float:
         """C [s/rad] of the armed swing; NaN if not armed."""
-        return np.nan if self._arming is None else self._arming.threshold
+        return math.nan if self._arming is None else self._arming.threshold
 
     def see(self, time: float) -> None:
         """Take note of a joint state of that time [s] while not armed: they come."""
@@ -138,8 +146,7 @@ class Inhibition:
                 "active?"
             )
         self._arming = arming
-        self._free = ~arming.protected
-        self._threshold = constant(arming.threshold)
+        self._free = (~arming.protected).tolist()
         self._goal = arming.goal.tolist()
         self._last = None
         self.reason = Reason.NONE
@@ -169,7 +176,7 @@ class Inhibition:
             self.rejected += 1
         self.watch(now)
 
-    def decide(self, joints: JointMeasurement, now: float | None = None) -> Decision:
+    def decide(self, joints: JointNumbers, now: float | None = None) -> Decision:
         """Return what to inhibit at this joint state; ends the swing where it has to end.
 
         now  [s] on the clock of `joints.time`; None: the state was measured just now
@@ -177,29 +184,26 @@ class Inhibition:
         Raises StaleState for a state that is too old to decide on, OutOfRange for one with a speed
         that no joint has; `reject` it then.
         """
-        now = joints.time if now is None else now
+        time, position, velocity = joints
+        now = time if now is None else now
         self.watch(now)
         arming, settings = self._arming, self._settings
         if arming is None:
             return self.nothing()
-        time, position, velocity = joints
         age = now - time
         if age > self._oldest:
             raise StaleState(f"a joint state is {age:.3f} s old, at most {self._oldest:g} s")
-        # The standard library's norms: for a few joints they take a third of numpy's time.
-        speed = math.hypot(*velocity.tolist())
+        speed = math.hypot(*velocity)
         # No joint is faster than all together are.
         if speed > settings.max_joint_speed:
             self._refuse_absurd_speed(velocity)
-        here = position.tolist()
         if self._last is None:
-            self._set_out(arming.goal, position)
-        end = self._end_reason(joints, here)
+            self._set_out(position)
+        end = self._end_reason(joints)
         if self._last is not None:
             lapse = now - self._last.time - settings.lease
-            if lapse > self.longest_lapse:
-                self.longest_lapse = lapse
-        self._last, self._last_position = joints, here
+            self.longest_lapse = max(self.longest_lapse, lapse)
+        self._last = joints
         self._seen = time
         if end is not Reason.NONE:
             self.disarm(end)
@@ -207,51 +211,62 @@ class Inhibition:
         self.decisions += 1
         slow = speed < settings.velocity_threshold
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
-        direction = arming.goal - position if slow else velocity
-        arms = moment_arm(self._model.jacobian(position), direction)
-        index = speed_index(arms, self._velocity_limit)
+        direction = _difference(self._goal, position) if slow else velocity
+        norm = math.hypot(*direction) if slow else speed
+        # q = r (/) l_dot^limit,  r = G(theta) theta_dot / |theta_dot|_2  (eq. 3, 4 of the paper)
+        speeds = zip(
+            self._model.lengthening(position, direction), self._velocity_limit, strict=True
+        )
+        index = tuple([lengthening / norm / limit for lengthening, limit in speeds])
         # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
-        inhibited = (index > self._threshold) & self._free
+        threshold = arming.threshold
+        judged = zip(index, self._free, strict=True)
+        inhibited = tuple([q > threshold and free for q, free in judged])
         return Decision(inhibited, index, slow, Reason.NONE)
 
-    def _set_out(self, goal: Vector, start: Vector) -> None:
-        """Take the way to the goal from where the arm is first seen."""
-        self._way = goal - start
-        self._goal_on_way = float(goal.dot(self._way))
-        self._reversal = self._settings.reversal_speed * math.hypot(*self._way.tolist())
-
-    def _refuse_absurd_speed(self, velocity: Vector) -> None:
-        fastest, allowed = float(np.abs(velocity).max()), self._settings.max_joint_speed
+    def _refuse_absurd_speed(self, velocity: Sequence[float]) -> None:
+        fastest, allowed = max(map(abs, velocity)), self._settings.max_joint_speed
         if fastest > allowed:
             raise OutOfRange(f"a joint's speed is {fastest:g} rad/s, at most {allowed:g} rad/s")
 
     def nothing(self) -> Decision:
         """Return the decision that inhibits nothing, with the reason of the last end."""
-        count = self._velocity_limit.size
-        return Decision(
-            np.zeros(count, dtype=bool), frozen(np.full(count, np.nan)), False, self.reason
-        )
+        count = len(self._velocity_limit)
+        return Decision((False,) * count, (math.nan,) * count, False, self.reason)
 
-    def _end_reason(self, joints: JointMeasurement, here: list[float]) -> Reason:
-        """Return why the swing ends at this state; here: its position as plain numbers."""
-        settings = self._settings
+    def _set_out(self, start: Sequence[float]) -> None:
+        """Take the way to the goal from where the arm is first seen."""
+        self._way = _difference(self._goal, start)
+        self._goal_on_way = _dot(self._goal, self._way)
+        self._reversal = self._settings.reversal_speed * math.hypot(*self._way)
+
+    def _end_reason(self, joints: JointNumbers) -> Reason:
+        settings, here = self._settings, joints.position
         if self._last is not None:
             elapsed = max(joints.time - self._last.time, 0.0)
             allowed = settings.max_joint_speed * elapsed + settings.jump_tolerance
-            before = self._last_position
+            before = self._last.position
             # No joint moved farther than all together did.
             if math.dist(here, before) > allowed and _farthest(here, before) > allowed:
                 return Reason.STATE_JUMP
         if math.dist(here, self._goal) < settings.goal_tolerance:
             return Reason.GOAL_REACHED
         # Passed: the projection on the way from start to goal lies beyond the goal.
-        if joints.position.dot(self._way) >= self._goal_on_way:
+        if _dot(here, self._way) >= self._goal_on_way:
             return Reason.GOAL_REACHED
         # Along the way from start to goal: on it, single joints may overshoot or turn back.
-        if joints.velocity.dot(self._way) < -self._reversal:
+        if _dot(joints.velocity, self._way) < -self._reversal:
             return Reason.REVERSED
         return Reason.NONE
 
 
-def _farthest(here: list[float], before: list[float]) -> float:
-    return max(abs(one - other) for one, other in zip(here, before, strict=True))
+def _dot(one: Sequence[float], other: Sequence[float]) -> float:
+    return sum(map(mul, one, other))
+
+
+def _difference(one: Sequence[float], other: Sequence[float]) -> list[float]:
+    return [a - b for a, b in zip(one, other, strict=True)]
+
+
+def _farthest(here: Sequence[float], before: Sequence[float]) -> float:
+    return max(map(abs, _difference(here, before)))

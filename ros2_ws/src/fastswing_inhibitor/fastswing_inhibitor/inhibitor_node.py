@@ -18,6 +18,7 @@ from fastswing_inhibitor.inhibition import (
     Arming,
     Inhibition,
     InhibitionSettings,
+    JointNumbers,
     Reason,
 )
 from fastswing_inhibitor.latency import LatencyHistogram
@@ -225,11 +226,12 @@ class InhibitorNode(ManagedNode):
         self._states += 1
         inhibition, header = self._inhibition, message.header
         try:
-            joints = self._reader.read(message, now - max(self.age(header.stamp), 0.0))
+            position, velocity = self._reader.numbers(message)
+            made = now - max(self.age(header.stamp), 0.0)
             if not inhibition.armed:
-                inhibition.see(joints.time)
+                inhibition.see(made)
                 return
-            decision = inhibition.decide(joints, now)
+            decision = inhibition.decide(JointNumbers(made, position, velocity), now)
         except PlannerError as error:
             self._reject(error, now)
             return

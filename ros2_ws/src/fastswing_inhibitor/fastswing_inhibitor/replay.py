@@ -12,14 +12,20 @@ from typing import Any
 
 import numpy as np
 
-from fastswing_inhibitor.inhibition import Arming, Decision, Inhibition, InhibitionSettings, Reason
+from fastswing_inhibitor.inhibition import (
+    Arming,
+    Decision,
+    Inhibition,
+    InhibitionSettings,
+    JointNumbers,
+    Reason,
+)
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.bag import Bag
 from fastswing_planner.bag_errors import BagError
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.message_columns import Column
 from fastswing_planner.muscle_model import MuscleModel
-from fastswing_planner.swing_execution import JointMeasurement
 
 STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"
 OVERRIDE_TYPE = "fastswing_msgs/msg/CurrentOverride"
@@ -183,7 +189,7 @@ class _Rule:
         velocity_limit: Vector,
         settings: InhibitionSettings,
         what_if: WhatIf,
-        joints: Mapping[int, tuple[Vector, Vector]],
+        joints: Mapping[int, tuple[list[float], list[float]]],
     ) -> None:
         self._model = model
         self._velocity_limit = velocity_limit
@@ -276,7 +282,7 @@ class _Rule:
         """Return what the rule decides on a joint state, or why it cannot."""
         time = (stamp_ns - start_ns) * 1e-9
         try:
-            return inhibition.decide(JointMeasurement(time, *self._joints[stamp_ns]))
+            return inhibition.decide(JointNumbers(time, *self._joints[stamp_ns]))
         except PlannerError as error:
             return str(error)
 
@@ -306,15 +312,15 @@ def _difference(
             f"published q along the direction {which[published.direction_from_goal]}, replayed "
             f"along that {which[made.direction_from_goal]}: is velocity_threshold the node's?"
         )
-    other = np.flatnonzero(published.inhibited != made.inhibited)
-    unequal = published.speed_index.view(np.int64) != made.speed_index.view(np.int64)
-    unequal &= ~(np.isnan(published.speed_index) & np.isnan(made.speed_index))
+    other = np.flatnonzero(np.not_equal(published.inhibited, made.inhibited))
+    before, after = np.array(published.speed_index), np.array(made.speed_index)
+    unequal = before.view(np.int64) != after.view(np.int64)
+    unequal &= ~(np.isnan(before) & np.isnan(after))
     if unequal.any():
-        gap = np.abs(published.speed_index - made.speed_index)
-        at = int(np.nanargmax(np.where(unequal, gap, -1.0)))
+        at = int(np.nanargmax(np.where(unequal, np.abs(before - after), -1.0)))
         text = (
-            f"q of {names[at]} published {float(published.speed_index[at])!r} s/rad, replayed "
-            f"{float(made.speed_index[at])!r}"
+            f"q of {names[at]} published {published.speed_index[at]!r} s/rad, replayed "
+            f"{made.speed_index[at]!r}"
         )
         return text + (f"; inhibited differ: {_listed(names, other)}" if other.size else "")
     if other.size:
@@ -332,7 +338,7 @@ def _reason(reason: Reason) -> str:
 
 def _never_inhibited(statuses: Sequence[_Status]) -> BoolVector:
     """Return the muscles that were above C in some decision and inhibited in none."""
-    above = np.array([s.decision.speed_index > s.threshold for s in statuses if s.armed])
+    above = np.array([np.greater(s.decision.speed_index, s.threshold) for s in statuses if s.armed])
     inhibited = np.array([s.decision.inhibited for s in statuses if s.armed])
     return np.asarray(above.any(axis=0) & ~inhibited.any(axis=0))
 
@@ -378,18 +384,20 @@ def _order(what: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
     return [list(names).index(name) for name in wanted]
 
 
-def _joint_states(bag: Bag, model: MuscleModel, prefix: str) -> dict[int, tuple[Vector, Vector]]:
+def _joint_states(
+    bag: Bag, model: MuscleModel, prefix: str
+) -> dict[int, tuple[list[float], list[float]]]:
     """Return position [rad] and velocity [rad/s] in the model's order, by stamp [ns]."""
     topic = _topic(bag, JOINT_TYPE, prefix)
-    found: dict[int, tuple[Vector, Vector]] = {}
+    found: dict[int, tuple[list[float], list[float]]] = {}
     for part in bag.stream(topic, "header", ["name", "position", "velocity"]):
         names = part.names()
         order = _order("joints", names, model.joint_names)
         for field in ("position", "velocity"):
             _check_width(topic, field, part[field], len(names))
         position, velocity = part["position"][:, order], part["velocity"][:, order]
-        for stamp, at, rate in zip(part.time_ns.tolist(), position, velocity, strict=True):
-            found[stamp] = (frozen(at), frozen(rate))
+        rows = zip(part.time_ns.tolist(), position.tolist(), velocity.tolist(), strict=True)
+        found |= {stamp: (at, rate) for stamp, at, rate in rows}
     return found
 
 
@@ -411,8 +419,8 @@ def _statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Status]:
         for row in range(part.count):
             chosen = set(part["inhibited"][row])
             decision = Decision(
-                np.array([name in chosen for name in model.muscle_names]),
-                frozen(part["speed_index"][row][order]),
+                tuple(name in chosen for name in model.muscle_names),
+                tuple(part["speed_index"][row][order].tolist()),
                 bool(part["direction_from_goal"][row]),
                 _known_reason(topic, int(part["reason"][row])),
             )
@@ -464,7 +472,7 @@ def _override_differences(
     bag: Bag, model: MuscleModel, statuses: Sequence[_Status], prefix: str
 ) -> Iterator[str]:
     """Yield a line for each override that is missing, or not what the status of its stamp says."""
-    said = {status.stamp_ns: status.decision.inhibited for status in statuses}
+    said = {status.stamp_ns: np.array(status.decision.inhibited) for status in statuses}
     names = np.array(model.muscle_names)
     found = set()
     for topic in bag.topics_of_type(OVERRIDE_TYPE):

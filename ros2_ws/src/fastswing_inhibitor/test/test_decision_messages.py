@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 from builtin_interfaces.msg import Duration, Time
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -33,7 +32,7 @@ headers = st.builds(
 def decisions(draw: st.DrawFn, muscles: int = 6) -> Decision:
     some = st.lists(st.booleans(), min_size=muscles, max_size=muscles)
     index = st.lists(st.floats(), min_size=muscles, max_size=muscles)
-    return Decision(np.array(draw(some)), np.array(draw(index)), draw(st.booleans()), Reason.NONE)
+    return Decision(tuple(draw(some)), tuple(draw(index)), draw(st.booleans()), Reason.NONE)
 
 
 class Both:
@@ -80,20 +79,20 @@ def test_serialised_messages_are_the_ordinary_ones(
 def test_more_sets_of_muscles_than_are_kept_are_served_too() -> None:
     both = Both(muscles=8)
     for number in range(2 * KEPT_TEMPLATES):
-        inhibited = np.unpackbits(np.array([number], dtype=np.uint8)).astype(bool)
-        decision = Decision(inhibited, np.zeros(8), False, Reason.NONE)
+        inhibited = tuple(bool(number >> bit & 1) for bit in range(8))
+        decision = Decision(inhibited, (0.0,) * 8, False, Reason.NONE)
         assert both.agree(Header(), decision)
 
 
 def test_the_first_override_of_a_set_of_muscles_waits_for_no_template() -> None:
-    both, decision = Both(), Decision(np.ones(6, dtype=bool), np.zeros(6), False, Reason.NONE)
+    both, decision = Both(), Decision((True,) * 6, (0.0,) * 6, False, Reason.NONE)
     assert isinstance(both.raw.override(Header(), decision), CurrentOverride)
     both.raw.status(Header(), decision)
     assert isinstance(both.raw.override(Header(), decision), bytes)
 
 
 def test_a_plain_header_is_that_of_the_joint_state() -> None:
-    both, decision = Both(), Decision(np.ones(6, dtype=bool), np.zeros(6), False, Reason.NONE)
+    both, decision = Both(), Decision((True,) * 6, (0.0,) * 6, False, Reason.NONE)
     plain: Any = SimpleNamespace(stamp=SimpleNamespace(sec=7, nanosec=9), frame_id="base")
     header = Header(stamp=Time(sec=7, nanosec=9), frame_id="base")
     assert both.ordinary.override(plain, decision) == both.ordinary.override(header, decision)

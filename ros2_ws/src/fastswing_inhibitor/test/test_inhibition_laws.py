@@ -1,15 +1,22 @@
 """Whatever happens while armed, nothing is let go after the end, and the end comes in time."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
+from fastswing_inhibitor.inhibition import (
+    Arming,
+    Inhibition,
+    InhibitionSettings,
+    JointNumbers,
+    Reason,
+)
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import NotReady, StaleState
 from fastswing_planner.muscle_model import Payload
-from fastswing_planner.swing_execution import JointMeasurement
 
 JACOBIAN = frozen([[0.06], [-0.06]])
 SETTINGS = InhibitionSettings()
@@ -29,6 +36,12 @@ class TwoMuscles:
 
     def jacobian(self, joint_position: Vector) -> Matrix:
         return JACOBIAN
+
+    def lengthening(
+        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
+    ) -> list[float]:
+        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
+        return speeds
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         return frozen(np.zeros(1))
@@ -71,7 +84,7 @@ class AnyArming(RuleBasedStateMachine):
     @rule(age=st.floats(0.0, 0.07), move=st.floats(-0.5, 0.5), speed=st.floats(-5.0, 5.0))
     def measure(self, age: float, move: float, speed: float) -> None:
         self.place += move
-        joints = JointMeasurement(self.now - age, frozen([self.place]), frozen([speed]))
+        joints = JointNumbers(self.now - age, [self.place], [speed])
         if not self.inhibition.armed:
             self.inhibition.see(joints.time)
             self.newest = joints.time
@@ -85,9 +98,9 @@ class AnyArming(RuleBasedStateMachine):
         if decision.reason is Reason.NONE:
             self.newest = joints.time
             assert not (self.kept and decision.inhibited[0])
-            assert not decision.inhibited.all()
+            assert not all(decision.inhibited)
         else:
-            assert not decision.inhibited.any()
+            assert not any(decision.inhibited)
 
     @rule()
     def reject(self) -> None:

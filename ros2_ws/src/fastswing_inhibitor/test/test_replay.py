@@ -1,7 +1,9 @@
 """A replay agrees with what the rule decided, decision for decision, and names what differs."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +17,14 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_inhibitor import replay_command
-from fastswing_inhibitor.inhibition import Arming, Decision, Inhibition, InhibitionSettings, Reason
+from fastswing_inhibitor.inhibition import (
+    Arming,
+    Decision,
+    Inhibition,
+    InhibitionSettings,
+    JointNumbers,
+    Reason,
+)
 from fastswing_inhibitor.replay import Replay, UnusableForReplay, WhatIf, replay
 from fastswing_inhibitor.replay_text import replay_text
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, SwingPlan
@@ -25,7 +34,6 @@ from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.muscle_model import Payload
-from fastswing_planner.swing_execution import JointMeasurement
 
 LIMIT = frozen([0.3, 0.25, 0.2])
 START_NS = 1_700_000_000_000_000_000
@@ -36,7 +44,6 @@ TYPES = {
     "/current_override": "fastswing_msgs/msg/CurrentOverride",
     "/swing_plan": "fastswing_msgs/msg/SwingPlan",
 }
-NAN = frozen(np.full(3, np.nan))
 
 
 class BentArm:
@@ -53,6 +60,12 @@ class BentArm:
     def jacobian(self, joint_position: Vector) -> Matrix:
         a, b = joint_position
         return frozen([[np.cos(a), 0.1], [-0.5, np.sin(b)], [0.3 * b, -np.cos(a + b)]])
+
+    def lengthening(
+        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
+    ) -> list[float]:
+        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
+        return speeds
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         raise NotImplementedError  # replay needs the Jacobian alone
@@ -104,7 +117,7 @@ def write(path: Path, case: Case, change: Change = lambda number, topic, message
     inhibition.see(0.0)
     protected = np.array(case.protected)
     inhibition.arm(Arming(frozen(case.goal), case.threshold, protected, 100.0, 0.0))
-    nothing = Decision(np.zeros(3, dtype=bool), NAN, False, Reason.NONE)
+    nothing = Decision((False,) * 3, (math.nan,) * 3, False, Reason.NONE)
     put(0, "/inhibition_status", status(START_NS, inhibition, nothing), START_NS)
     for number, (position, velocity) in enumerate(
         zip(case.positions, case.velocities, strict=True), 1
@@ -118,7 +131,7 @@ def write(path: Path, case: Case, change: Change = lambda number, topic, message
         )
         put(number, "/joint_states", state, time_ns)
         time = (time_ns - START_NS) * 1e-9
-        made = inhibition.decide(JointMeasurement(time, frozen(position), frozen(velocity)))
+        made = inhibition.decide(JointNumbers(time, position, velocity))
         message = status(time_ns, inhibition, made)
         put(number, "/inhibition_status", message, time_ns + 1000)
         override = CurrentOverride(header=stamp(time_ns), name=message.inhibited)
@@ -130,15 +143,14 @@ def write(path: Path, case: Case, change: Change = lambda number, topic, message
 
 
 def status(time_ns: int, inhibition: Inhibition, made: Decision) -> InhibitionStatus:
-    names = np.array(BentArm.muscle_names)
     return InhibitionStatus(
         header=stamp(time_ns),
         armed=inhibition.armed,
         reason=int(made.reason),
         threshold=inhibition.threshold,
         name=BentArm.muscle_names,
-        speed_index=made.speed_index.tolist(),
-        inhibited=names[made.inhibited].tolist(),
+        speed_index=list(made.speed_index),
+        inhibited=list(compress(BentArm.muscle_names, made.inhibited)),
         direction_from_goal=made.direction_from_goal,
         decisions=inhibition.decisions,
     )
@@ -391,7 +403,7 @@ def test_another_threshold_changes_the_decisions(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", straight())
     (swing,) = replayed(path, what_if=WhatIf(threshold=1e6)).swings
     assert all(one.replayed is not None for one in swing.decisions)
-    assert not any(one.replayed.inhibited.any() for one in swing.decisions if one.replayed)
+    assert not any(any(one.replayed.inhibited) for one in swing.decisions if one.replayed)
 
 
 def test_another_velocity_limit_scales_q(tmp_path: Path) -> None:
@@ -399,7 +411,7 @@ def test_another_velocity_limit_scales_q(tmp_path: Path) -> None:
     (half,) = replayed(path, what_if=WhatIf(velocity_limit=0.15)).swings
     one = half.decisions[-1]
     assert one.replayed is not None
-    expected = one.published.speed_index * LIMIT / 0.15
+    expected = np.array(one.published.speed_index) * LIMIT / 0.15
     np.testing.assert_allclose(one.replayed.speed_index, expected, rtol=1e-12)
 
 

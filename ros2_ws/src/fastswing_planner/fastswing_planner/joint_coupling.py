@@ -59,7 +59,7 @@ class JointCoupling:
         self._chosen_rates[model.jnt_dofadr[joints], np.arange(len(joints))] = 1.0
         self._chosen_rates.setflags(write=False)
 
-    def set_positions(self, qpos: Vector, joint_position: Vector) -> Matrix:
+    def set_positions(self, qpos: Vector, joint_position: Vector | Sequence[float]) -> Matrix:
         """Write the positions of all joints, and return d qvel / d joint velocity, shape (nv, n).
 
         qpos            MuJoCo's, shape (nq,), written to

@@ -1,6 +1,7 @@
 """A muscle model whose lengths and Jacobian were corrected from recorded swings."""
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -14,7 +15,7 @@ from fastswing_planner.mujoco_model import MujocoMuscleModel
 class LearnedMuscleModel(MujocoMuscleModel):
     """Joints, masses and gravity as in the MJCF, muscle lengths with their correction.
 
-    `lengths` and `jacobian` raise OutOfRange far from the recorded postures.
+    `lengths`, `jacobian` and `lengthening` raise OutOfRange far from the recorded postures.
     """
 
     correction: LengthCorrection | None = None
@@ -39,6 +40,13 @@ class LearnedMuscleModel(MujocoMuscleModel):
         if self.correction is None:
             return plain
         return frozen(plain + self.correction.jacobian(joint_position))
+
+    def lengthening(
+        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
+    ) -> list[float]:
+        """Return dl/dt [m/s] of the m muscles."""
+        corrected: list[float] = self.jacobian(frozen(joint_position)).dot(joint_velocity).tolist()
+        return corrected
 
 
 def mjcf_hash(path: Path) -> str:

@@ -1,5 +1,6 @@
 """A muscle model read from an MJCF file."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -43,6 +44,11 @@ def sparse_places(model: mujoco.MjModel) -> NDArray[np.int_]:
     return places
 
 
+def _plain(array: Vector) -> "memoryview[float]":
+    """Return a view that takes and gives Python's own numbers, quicker than numpy's."""
+    return array.data.cast("B").cast("d")
+
+
 class MujocoMuscleModel:
     """Kinematics and statics of chosen joints and tendons of a MuJoCo model.
 
@@ -69,6 +75,7 @@ class MujocoMuscleModel:
         """
         self._model = model
         self._data = mujoco.MjData(model)
+        self._moving = mujoco.MjData(model)  # joints here have speeds
         self._computed = b""
         self.joint_names = tuple(joint_names)
         self.muscle_names = tuple(muscle_names)
@@ -89,6 +96,14 @@ class MujocoMuscleModel:
         places = sparse_places(model)[self._tendons]
         if not self._coupling.followers:
             places = places[:, self._dofs]
+        # Plain views of MuJoCo's memory, for `lengthening`.
+        moving = self._moving
+        moving.qpos[:] = reference
+        self._moving_qpos, self._moving_qvel = _plain(moving.qpos), _plain(moving.qvel)
+        self._path_speed = _plain(moving.ten_velocity)
+        self._qpos_places: list[int] = model.jnt_qposadr[joints].tolist()
+        self._qvel_places: list[int] = model.jnt_dofadr[joints].tolist()
+        self._tendon_places = [int(tendon) for tendon in tendon_indices(model, self.muscle_names)]
         self._absent, self._places = places < 0, np.maximum(places, 0)
         self._smallest = np.full((len(self.muscle_names), len(self.joint_names)), _SMALLEST_ARM)
         if not self._coupling.followers:
@@ -144,6 +159,29 @@ class MujocoMuscleModel:
             arms = arms @ rates
         arms[np.abs(arms) < self._smallest] = 0.0
         return made_frozen(arms)
+
+    def lengthening(
+        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
+    ) -> list[float]:
+        """Return dl/dt [m/s] of the m muscles; exactly 0 where one does not move."""
+        model, data = self._model, self._moving
+        if self._coupling.followers:
+            rates = self._coupling.set_positions(data.qpos, joint_position)
+            data.qvel[:] = rates @ joint_velocity
+        else:
+            for place, position in zip(self._qpos_places, joint_position, strict=True):
+                self._moving_qpos[place] = position
+            for place, velocity in zip(self._qvel_places, joint_velocity, strict=True):
+                self._moving_qvel[place] = velocity
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_tendon(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        least = _SMALLEST_ARM * math.hypot(*joint_velocity)
+        speeds = self._path_speed.tolist()
+        return [
+            speed if abs(speed := speeds[place]) >= least else 0.0 for place in self._tendon_places
+        ]
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

@@ -1,5 +1,6 @@
 """What the mathematics needs to know of an arm."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -47,6 +48,14 @@ class MuscleModel(Protocol):
 
     def jacobian(self, joint_position: Vector) -> Matrix:
         """Return G(theta), dl = G dtheta (eq. 2 of the paper) [m/rad], shape (m, n)."""
+
+    def lengthening(
+        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
+    ) -> list[float]:
+        """Return dl/dt = G(theta) dtheta/dt (eq. 2 of the paper) [m/s] of the m muscles.
+
+        Plain numbers in and out: at the rate of the inhibitor, numpy costs more than it saves.
+        """
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque [N m] that holds the arm at rest, shape (n,).

@@ -115,8 +115,8 @@ class RawReader(Generic[Message]):
         """Return the message; raises InvalidRequest for bytes that are none.
 
         If `data` differs from a message that took the ordinary way in numbers only, it is a plain
-        object with the same attributes: arrays are read-only views of `data`, texts those of
-        that message, and numbers that are not among the fields are missing.
+        object with the same attributes: arrays are tuples, texts those of that message, and numbers
+        that are not among the fields are missing.
         """
         kind = self._kinds.get(len(data))
         # As one long number the bytes are compared in a single step.
@@ -140,16 +140,12 @@ class RawReader(Generic[Message]):
         truths = (leaf for leaf in layout.leaves if leaf.type_name == "bool")
         mask[[place for leaf in truths for place in _places(leaf, 1)]] = 0xFE
         as_number = int.from_bytes(mask.tobytes(), "little")
-        numbers = _numbers(layout, self._fields)
-        alone = sorted((one for one in numbers if one.length is None), key=attrgetter("offset"))
-        in_rows = [one for one in numbers if one.length is not None]
-        index = {one.field: place for place, one in enumerate((*alone, *in_rows))}
+        numbers = sorted(_numbers(layout, self._fields), key=attrgetter("offset"))
         kind = _Kind(
             as_number,
             int.from_bytes(data, "little") & as_number,
-            _together(alone),
-            [(one.dtype, one.length or 0, one.offset) for one in in_rows],
-            _part(message, "", index),
+            _together(numbers),
+            _part(message, "", _places_among(numbers)),
         )
         if len(data) == layout.size and self._agrees(kind, data, message):
             if len(self._kinds) == _KINDS:
@@ -170,48 +166,44 @@ class _Kind(NamedTuple):
     """Messages that differ in numbers only.
 
     mask, fixed  which bits are the same in all of them, and their values, as one long number
-    scalars      the numbers that stand alone: all at once, in numpy they would take far longer
-    arrays       type, length and place of the others
-    plain        takes both, in this order
+    numbers      reads all of them at once
+    plain        takes them
     """
 
     mask: int
     fixed: int
-    scalars: struct.Struct
-    arrays: Sequence[tuple[np.dtype[Any], int, int]]
+    numbers: struct.Struct
     plain: "_Part"
 
     def read(self, data: bytes) -> SimpleNamespace:
-        values: list[Any] = list(self.scalars.unpack_from(data))
-        values += [np.frombuffer(data, *array) for array in self.arrays]
-        return self.plain.of(values)
+        return self.plain.of(self.numbers.unpack_from(data))
 
 
 class _Part(NamedTuple):
-    """How one message within a message becomes a plain object; numbers by their index."""
+    """How one message within a message becomes a plain object; numbers by their places."""
 
     texts: Mapping[str, Any]
-    numbers: Sequence[tuple[str, int]]
+    numbers: Sequence[tuple[str, int | slice]]
     parts: Sequence[tuple[str, "_Part"]]
 
     def of(self, values: Sequence[Any]) -> SimpleNamespace:
         plain = SimpleNamespace(**self.texts)
         attributes = plain.__dict__
-        for name, index in self.numbers:
-            attributes[name] = values[index]
+        for name, place in self.numbers:
+            attributes[name] = values[place]
         for name, part in self.parts:
             attributes[name] = part.of(values)
         return plain
 
 
-def _part(message: Any, prefix: str, index: Mapping[str, int]) -> _Part:
+def _part(message: Any, prefix: str, places: Mapping[str, int | slice]) -> _Part:
     texts, numbers, parts = {}, [], []
     for name, type_name in message.get_fields_and_field_types().items():
         path = f"{prefix}{name}"
         if "/" in type_name:
-            parts.append((name, _part(getattr(message, name), f"{path}.", index)))
-        elif path in index:
-            numbers.append((name, index[path]))
+            parts.append((name, _part(getattr(message, name), f"{path}.", places)))
+        elif path in places:
+            numbers.append((name, places[path]))
         elif "string" in type_name:
             texts[name] = getattr(message, name)
     return _Part(texts, numbers, parts)
@@ -261,14 +253,27 @@ def _numbers(layout: Layout, fields: Sequence[str]) -> list[_Number]:
 
 
 def _together(numbers: Sequence[_Number]) -> struct.Struct:
-    """Return what reads numbers that stand alone, from first to last, and skips what is between."""
+    """Return what reads numbers from first to last, and skips what is between."""
     order, end = "<", 0
     parts = []
     for number in numbers:
-        order = number.code[0]
-        parts.append(f"{number.offset - end}x{number.code[1]}")
-        end = number.offset + number.dtype.itemsize
+        if number.length == 0:
+            continue  # nowhere: an empty sequence may be said to stand behind what follows it
+        order, count = number.code[0], 1 if number.length is None else number.length
+        parts.append(f"{number.offset - end}x{count}{number.code[1]}")
+        end = number.offset + count * number.dtype.itemsize
     return struct.Struct(order + "".join(parts))
+
+
+def _places_among(numbers: Sequence[_Number]) -> dict[str, int | slice]:
+    """Return where each field's numbers are among all of them."""
+    places: dict[str, int | slice] = {}
+    first = 0
+    for number in numbers:
+        after = first + (1 if number.length is None else number.length)
+        places[number.field] = first if number.length is None else slice(first, after)
+        first = after
+    return places
 
 
 def _text_places(layout: Layout) -> set[int]:

@@ -8,11 +8,10 @@ from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
-from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.arrays import BoolVector, Vector, contiguous, made_frozen
+from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.errors import NotFinite, PlannerError, UnknownName, WrongLength
 from fastswing_planner.raw_messages import STAMP
 from fastswing_planner.swing_execution import JointMeasurement, MuscleMeasurement
@@ -26,17 +25,18 @@ class NamedColumns:
         self._kind = kind
         self._names = tuple(names)
         self._seen: Sequence[str] | None = None
-        self._index: NDArray[np.int_] | slice = slice(0)
+        self._index: list[int] | None = None
 
     def _look_up(self, names: Sequence[str]) -> None:
         for name in self._names:
             if names.count(name) != 1:
                 found = "is missing" if name not in names else "is named more than once"
                 raise UnknownName(f"{self._kind} '{name}' {found} in: {', '.join(names)}")
-        self._index = contiguous([names.index(name) for name in self._names])
+        in_order = tuple(names) == self._names
+        self._index = None if in_order else [names.index(name) for name in self._names]
         self._seen = list(names)
 
-    def pick(self, what: str, names: Sequence[str], values: Sequence[float]) -> Vector:
+    def numbers(self, what: str, names: Sequence[str], values: Sequence[float]) -> Sequence[float]:
         """Return the robot's elements of `values`, which are in the order of `names`.
 
         Raises UnknownName, WrongLength or NotFinite.
@@ -45,12 +45,17 @@ class NamedColumns:
             self._look_up(names)
         if len(values) != len(names):
             raise WrongLength(f"{what} has {len(values)} values for {len(names)} names")
-        picked = np.array(values, dtype=float)[self._index]
-        # The product is quick, and finite unless numbers are huge, which then are looked at again.
-        if not math.isfinite(picked.dot(picked)) and not np.isfinite(picked).all():
-            bad = int(np.flatnonzero(~np.isfinite(picked))[0])
-            raise NotFinite(f"{what} of {self._names[bad]} is {picked[bad]}")
-        return made_frozen(picked)
+        picked = values if self._index is None else [values[place] for place in self._index]
+        # The sum is quick, and finite unless numbers are huge, which then are looked at again.
+        if not math.isfinite(sum(picked)):
+            for name, value in zip(self._names, picked, strict=True):
+                if not math.isfinite(value):
+                    raise NotFinite(f"{what} of {name} is {value}")
+        return picked
+
+    def pick(self, what: str, names: Sequence[str], values: Sequence[float]) -> Vector:
+        """Return the same as an array; see `numbers`."""
+        return frozen(self.numbers(what, names, values))
 
 
 class JointStateReader:
@@ -65,11 +70,16 @@ class JointStateReader:
 
     def read(self, message: JointState | SimpleNamespace, time: float) -> JointMeasurement:
         """Return the measurement received at `time` [s]; raises InvalidRequest."""
-        return JointMeasurement(
-            time,
-            self._columns.pick("position", message.name, message.position),
-            self._columns.pick("velocity", message.name, message.velocity),
-        )
+        position, velocity = self.numbers(message)
+        return JointMeasurement(time, frozen(position), frozen(velocity))
+
+    def numbers(
+        self, message: JointState | SimpleNamespace
+    ) -> tuple[Sequence[float], Sequence[float]]:
+        """Return position [rad] and velocity [rad/s] as plain numbers; raises InvalidRequest."""
+        numbers, names = self._columns.numbers, message.name
+        position = numbers("position", names, message.position)
+        return position, numbers("velocity", names, message.velocity)
 
 
 class MuscleStateReader:

@@ -1,6 +1,6 @@
 """Small arms to test the mathematics on, and the Musashi-like one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +42,12 @@ class LinearArm:
 
     def jacobian(self, joint_position: Vector) -> Matrix:
         return self._jacobian
+
+    def lengthening(
+        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
+    ) -> list[float]:
+        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
+        return speeds
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         if payload is not None and payload.body != "hand":

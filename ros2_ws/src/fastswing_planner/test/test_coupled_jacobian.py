@@ -104,6 +104,12 @@ def plain_energy(at: Vector) -> float:
     return float(-np.array(weights) @ np.vstack([data.xipos, point]) @ model.opt.gravity)
 
 
+@given(ANGLES, st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0)))
+def test_muscles_lengthen_as_the_jacobian_says(at: Vector, speeds: tuple[float, float]) -> None:
+    expected = coupled_arm().jacobian(at) @ speeds
+    assert coupled_arm().lengthening(at.tolist(), speeds) == pytest.approx(expected, abs=1e-8)
+
+
 @given(ANGLES)
 def test_lengths_are_those_of_the_followed_posture(at: Vector) -> None:
     _, data = plain_data(at)

@@ -85,6 +85,7 @@ TWO_LINK = """
 JOINTS, MUSCLES = ("twist", "rail", "hinge"), ("bent", "long")
 PAYLOAD = Payload(1.7, "hand", (0.03, -0.02, -0.05))
 ANGLE = st.floats(-0.9, 0.9)
+SPEED = st.floats(-5.0, 5.0)
 
 
 def cart_model(joints: tuple[str, ...] = JOINTS, muscles: tuple[str, ...] = MUSCLES) -> MuscleModel:
@@ -151,6 +152,32 @@ def test_musashis_jacobian_is_the_slope_of_its_lengths(musashi: Robot, shares: l
     assert musashi.model.jacobian(position) == pytest.approx(slope, abs=1e-6)
 
 
+@given(st.lists(ANGLE, min_size=3, max_size=3), st.lists(SPEED, min_size=3, max_size=3))
+def test_muscles_lengthen_as_the_jacobian_says(angles: list[float], speeds: list[float]) -> None:
+    model = cart_model(muscles=("long", "bent", "idle"))
+    expected = model.jacobian(np.array(angles)) @ speeds
+    assert model.lengthening(angles, speeds) == pytest.approx(expected, abs=1e-8)
+
+
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5), st.lists(SPEED, min_size=5, max_size=5)
+)
+def test_musashis_muscles_lengthen_as_its_jacobian_says(
+    musashi: Robot, shares: list[float], speeds: list[float]
+) -> None:
+    position = musashi_posture(musashi, shares)
+    expected = musashi.model.jacobian(position) @ speeds
+    lengthening = musashi.model.lengthening(position.tolist(), speeds)
+    assert lengthening == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_muscle_that_does_not_move_has_no_speed_at_all() -> None:
+    model = cart_model(muscles=("long", "idle"))
+    moved, idle = model.lengthening([0.1, 0.2, 0.3], [1.0, -1.0, 1.0])
+    assert moved != 0.0
+    assert idle == 0.0
+
+
 @given(st.lists(ANGLE, min_size=3, max_size=3))
 def test_gravity_is_the_slope_of_the_potential_energy(angles: list[float]) -> None:
     slope = energy_slope(
@@ -203,12 +230,24 @@ def test_rows_and_columns_follow_the_chosen_order(joints: list[str], muscles: li
     assert shuffled.tolist() == reference[np.ix_(rows, columns)].tolist()
 
 
+@given(st.permutations(JOINTS), st.permutations(["long", "bent", "idle"]))
+def test_speeds_follow_the_chosen_order(joints: list[str], muscles: list[str]) -> None:
+    state = {"twist": (0.3, 1.0), "rail": (-0.2, 0.5), "hinge": (0.5, -2.0)}
+    speeds = []
+    for names, chosen in ((JOINTS, ("long", "bent", "idle")), (joints, muscles)):
+        position, velocity = zip(*(state[name] for name in names), strict=True)
+        model = cart_model(tuple(names), tuple(chosen))
+        speeds.append(dict(zip(chosen, model.lengthening(position, velocity), strict=True)))
+    assert speeds[0] == speeds[1]
+
+
 def test_a_call_leaves_nothing_behind_for_the_next() -> None:
     model, first, second = cart_model(), np.array([0.1, 0.2, 0.3]), np.array([-0.5, 0.4, 0.9])
-    alone = model.lengths(first).tolist()
+    alone = [model.lengths(first).tolist(), model.gravity_torque(first).tolist()]
     model.jacobian(second)
     model.gravity_torque(second)
-    assert model.lengths(first).tolist() == alone
+    model.lengthening(second.tolist(), [3.0, -2.0, 1.0])
+    assert [model.lengths(first).tolist(), model.gravity_torque(first).tolist()] == alone
 
 
 def test_a_muscle_of_other_joints_has_no_moment_arm() -> None:

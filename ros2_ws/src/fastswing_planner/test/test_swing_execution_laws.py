@@ -1,5 +1,7 @@
 """Whatever happens to a swing, it ends in a held posture and orders nothing afterwards."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -46,6 +48,12 @@ class TwoMuscles:
 
     def jacobian(self, joint_position: Vector) -> Matrix:
         return JACOBIAN
+
+    def lengthening(
+        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
+    ) -> list[float]:
+        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
+        return speeds
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         return frozen(np.zeros(1))

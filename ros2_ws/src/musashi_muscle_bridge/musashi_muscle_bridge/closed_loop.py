@@ -11,7 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, Reason
+from fastswing_inhibitor.inhibition import (
+    Arming,
+    Inhibition,
+    InhibitionSettings,
+    JointNumbers,
+    Reason,
+)
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures
 from fastswing_planner.plan import SwingPlan, SwingPlanner
@@ -149,8 +155,10 @@ class ClosedLoop:
     def _inhibit(self, joints: JointMeasurement, execution: SwingExecution) -> None:
         inhibited: list[int] = []
         if self._inhibition.armed:
-            decision = self._inhibition.decide(joints)
-            inhibited = decision.inhibited.nonzero()[0].tolist()
+            time, position, velocity = joints
+            numbers = JointNumbers(time, position.tolist(), velocity.tolist())
+            decision = self._inhibition.decide(numbers)
+            inhibited = [muscle for muscle, off in enumerate(decision.inhibited) if off]
             execution.add_inhibition(
                 InhibitionReport(
                     self._now,
