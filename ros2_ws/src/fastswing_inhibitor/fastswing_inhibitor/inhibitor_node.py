@@ -1,6 +1,7 @@
 """Method 1 as a node: joint state in, current override out."""
 
 import math
+import os
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
@@ -237,6 +238,8 @@ class InhibitorNode(ManagedNode):
             return
         if decision.reason is Reason.NONE:
             self._override.publish(self._at_rate.override(header, decision))
+            # Whom the override woke may wait for this core.
+            os.sched_yield()
             self._latency.add(self.age(header.stamp))
             self._status.publish(self._at_rate.status(header, decision))
             return

@@ -1,6 +1,7 @@
 """A muscle model read from an MJCF file."""
 
 import math
+from array import array
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -44,9 +45,9 @@ def sparse_places(model: mujoco.MjModel) -> NDArray[np.int_]:
     return places
 
 
-def _plain(array: Vector) -> "memoryview[float]":
+def _plain(values: Vector) -> "memoryview[float]":
     """Return a view that takes and gives Python's own numbers, quicker than numpy's."""
-    return array.data.cast("B").cast("d")
+    return values.data.cast("B").cast("d")
 
 
 class MujocoMuscleModel:
@@ -101,9 +102,10 @@ class MujocoMuscleModel:
         moving.qpos[:] = reference
         self._moving_qpos, self._moving_qvel = _plain(moving.qpos), _plain(moving.qvel)
         self._path_speed = _plain(moving.ten_velocity)
-        self._qpos_places: list[int] = model.jnt_qposadr[joints].tolist()
-        self._qvel_places: list[int] = model.jnt_dofadr[joints].tolist()
-        self._tendon_places = [int(tendon) for tendon in tendon_indices(model, self.muscle_names)]
+        self._in_a_row: tuple[slice, slice] | None = None
+        qpos_places = contiguous(model.jnt_qposadr[joints])
+        if isinstance(qpos_places, slice) and isinstance(self._dofs, slice):
+            self._in_a_row = None if self._coupling.followers else (qpos_places, self._dofs)
         self._absent, self._places = places < 0, np.maximum(places, 0)
         self._smallest = np.full((len(self.muscle_names), len(self.joint_names)), _SMALLEST_ARM)
         if not self._coupling.followers:
@@ -165,23 +167,24 @@ class MujocoMuscleModel:
     ) -> list[float]:
         """Return dl/dt [m/s] of the m muscles; exactly 0 where one does not move."""
         model, data = self._model, self._moving
-        if self._coupling.followers:
+        if self._in_a_row is not None:
+            positions, velocities = self._in_a_row
+            self._moving_qpos[positions] = array("d", joint_position)
+            self._moving_qvel[velocities] = array("d", joint_velocity)
+        else:
             rates = self._coupling.set_positions(data.qpos, joint_position)
             data.qvel[:] = rates @ joint_velocity
-        else:
-            for place, position in zip(self._qpos_places, joint_position, strict=True):
-                self._moving_qpos[place] = position
-            for place, velocity in zip(self._qvel_places, joint_velocity, strict=True):
-                self._moving_qvel[place] = velocity
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_tendon(model, data)
         mujoco.mj_fwdVelocity(model, data)
-        least = _SMALLEST_ARM * math.hypot(*joint_velocity)
         speeds = self._path_speed.tolist()
-        return [
-            speed if abs(speed := speeds[place]) >= least else 0.0 for place in self._tendon_places
-        ]
+        if isinstance(self._tendons, slice):
+            speeds = speeds[self._tendons]
+        else:
+            speeds = [speeds[tendon] for tendon in self._tendons]
+        least = _SMALLEST_ARM * math.hypot(*joint_velocity)
+        return [speed if speed >= least or speed <= -least else 0.0 for speed in speeds]
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""
