@@ -7,10 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _ZERO_CURRENT = ord("0")
-_LATE = 1.5
-"""Periods from one frame to the next that are too many."""
-_ON_TIME = 8
-"""So many frames before a late one, and behind it, frames keep their times."""
+_EARLY = 0.25
+"""Periods by which a frame may come before its time."""
 
 
 @dataclass(frozen=True)
@@ -40,27 +38,25 @@ class BoardTimes:
 
 
 def missed_periods(arrived: NDArray[np.float64], period: float) -> list[tuple[float, float, int]]:
-    """Return where periods have no frame: from one frame to another [s], and how many are missing.
+    """Return where periods have no frame: from one frame to the next [s], and how many are missing.
 
     arrived  when frames came [s], shape (k,)
     period   [s] from one to the next
 
-    A frame that only came late has its period: the next one is nearer to it.
+    A frame that only came late has its period: those behind it have theirs. Frames are sent at
+    absolute times, so most tell where the periods begin.
     """
-    found = []
-    gaps = np.flatnonzero(np.diff(arrived) > _LATE * period)
-    after = 0
-    for gap in gaps.tolist():
-        if gap < after:
-            continue  # frames were not yet on time again
-        later = gaps[(gaps >= gap) & (gaps < gap + _ON_TIME)]
-        before = max(gap - _ON_TIME, after)
-        after = min(int(later[-1]) + _ON_TIME, arrived.size - 1)
-        periods = round((arrived[after] - arrived[before]) / period)
-        missing = periods - (after - before)
-        if missing > 0:
-            found.append((float(arrived[gap]), float(arrived[later[-1] + 1]), missing))
-    return found
+    turns = arrived / period
+    phase = np.angle(np.exp(2j * np.pi * turns).mean()) / (2.0 * np.pi)
+    newest = np.floor(turns - phase + _EARLY)
+    # Of a late frame this is a later period than its own: each frame behind it has one, too.
+    order = np.arange(arrived.size)
+    own = np.minimum.accumulate((newest - order)[::-1])[::-1] + order
+    missing = np.diff(own) - 1.0
+    return [
+        (float(arrived[gap]), float(arrived[gap + 1]), int(missing[gap]))
+        for gap in np.flatnonzero(missing).tolist()
+    ]
 
 
 def read_board_log(path: Path) -> BoardTimes:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
 from fastswing_planner.muscle_model import MuscleModel
+from fastswing_planner.speed_index import moving_speed_index
 
 
 class Reason(IntEnum):
@@ -213,11 +214,8 @@ class Inhibition:
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
         direction = _difference(self._goal, position) if slow else velocity
         norm = math.hypot(*direction) if slow else speed
-        # q = r (/) l_dot^limit,  r = G(theta) theta_dot / |theta_dot|_2  (eq. 3, 4 of the paper)
-        speeds = zip(
-            self._model.lengthening(position, direction), self._velocity_limit, strict=True
-        )
-        index = tuple([lengthening / norm / limit for lengthening, limit in speeds])
+        lengthening = self._model.lengthening(position, direction)
+        index = moving_speed_index(lengthening, norm, self._velocity_limit)
         # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
         threshold = arming.threshold
         judged = zip(index, self._free, strict=True)

@@ -238,9 +238,9 @@ class InhibitorNode(ManagedNode):
             return
         if decision.reason is Reason.NONE:
             self._override.publish(self._at_rate.override(header, decision))
+            self._latency.add(self.age(header.stamp))
             # Whom the override woke may wait for this core.
             os.sched_yield()
-            self._latency.add(self.age(header.stamp))
             self._status.publish(self._at_rate.status(header, decision))
             return
         self._publish_release(header)

@@ -184,7 +184,7 @@ class MujocoMuscleModel:
         else:
             speeds = [speeds[tendon] for tendon in self._tendons]
         least = _SMALLEST_ARM * math.hypot(*joint_velocity)
-        return [speed if speed >= least or speed <= -least else 0.0 for speed in speeds]
+        return [0.0 if -least < speed < least else speed for speed in speeds]
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

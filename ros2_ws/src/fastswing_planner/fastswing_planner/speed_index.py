@@ -1,6 +1,7 @@
 """Which muscles restrain a motion, and how much."""
 
 import math
+from collections.abc import Sequence
 
 from fastswing_planner.arrays import Matrix, Vector, made_frozen
 from fastswing_planner.errors import StartEqualsEnd
@@ -16,8 +17,7 @@ def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
     Raises StartEqualsEnd for a zero direction, which has no moment arm.
     """
     norm = math.hypot(*direction.tolist())  # of short vectors a third of numpy's time
-    if not norm > 0.0:
-        raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
+    _refuse_zero(norm)
     # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
     return made_frozen(muscle_jacobian.dot(direction) / norm)
 
@@ -30,6 +30,28 @@ def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
     """
     # q = r (/) l_dot^limit  (eq. 4 of the paper)
     return made_frozen(muscle_moment_arm / velocity_limit)
+
+
+def moving_speed_index(
+    lengthening: Sequence[float], speed: float, velocity_limit: Sequence[float]
+) -> tuple[float, ...]:
+    """Return q [s/rad] of m muscles while the arm moves, as plain numbers.
+
+    lengthening     dl/dt = G(theta) theta_dot [m/s]
+    speed           |theta_dot|_2 [rad/s]
+    velocity_limit  l_dot^limit [m/s], positive
+
+    Raises StartEqualsEnd for a zero speed.
+    """
+    _refuse_zero(speed)
+    # r = G(theta) theta_dot / |theta_dot|_2,  q = r (/) l_dot^limit  (eq. 3 and 4 of the paper)
+    pairs = zip(lengthening, velocity_limit, strict=True)
+    return tuple([length_rate / speed / limit for length_rate, limit in pairs])
+
+
+def _refuse_zero(speed: float) -> None:
+    if not speed > 0.0:
+        raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
 
 
 def swing_speed_index(

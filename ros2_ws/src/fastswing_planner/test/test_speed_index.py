@@ -12,7 +12,12 @@ from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import StartEqualsEnd
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.robot import Robot
-from fastswing_planner.speed_index import moment_arm, speed_index, swing_speed_index
+from fastswing_planner.speed_index import (
+    moment_arm,
+    moving_speed_index,
+    speed_index,
+    swing_speed_index,
+)
 
 ARMS = arrays(float, (4, 2), elements=st.floats(-0.1, 0.1))
 DIRECTION = arrays(float, 2, elements=st.floats(-3.0, 3.0)).filter(
@@ -42,6 +47,19 @@ def test_the_way_back_swaps_agonists_and_antagonists(jacobian: Matrix, direction
 
 def test_a_muscle_that_lengthens_is_a_positive_antagonist() -> None:
     assert moment_arm(np.array([[0.05], [-0.04]]), np.array([2.0])).tolist() == [0.05, -0.04]
+
+
+@given(ARMS, DIRECTION)
+def test_the_speed_index_of_a_moving_arm_is_the_same(jacobian: Matrix, velocity: Vector) -> None:
+    limit, speed = np.array([0.1, 0.2, 0.3, 0.4]), float(np.linalg.norm(velocity))
+    moving = moving_speed_index((jacobian @ velocity).tolist(), speed, limit.tolist())
+    expected = speed_index(moment_arm(jacobian, velocity), limit)
+    assert moving == pytest.approx(expected.tolist(), abs=1e-12)
+
+
+def test_a_standing_arm_has_no_speed_index() -> None:
+    with pytest.raises(StartEqualsEnd, match="the direction of motion is zero"):
+        moving_speed_index([0.0], 0.0, [0.1])
 
 
 def test_a_standing_arm_has_no_moment_arm() -> None:
