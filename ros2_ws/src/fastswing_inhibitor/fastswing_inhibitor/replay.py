@@ -4,6 +4,7 @@ The rule is fed the joint states that the inhibitor decided on, which their stam
 a swing from outside, such as the service or the clock, ends it here as it was published.
 """
 
+from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -312,6 +313,9 @@ def _difference(
             f"published q along the direction {which[published.direction_from_goal]}, replayed "
             f"along that {which[made.direction_from_goal]}: is velocity_threshold the node's?"
         )
+    same_bits = _bits(published.speed_index) == _bits(made.speed_index)
+    if same_bits and published.inhibited == made.inhibited:
+        return ""
     other = np.flatnonzero(np.not_equal(published.inhibited, made.inhibited))
     before, after = np.array(published.speed_index), np.array(made.speed_index)
     unequal = before.view(np.int64) != after.view(np.int64)
@@ -326,6 +330,10 @@ def _difference(
     if other.size:
         return f"same q, but inhibited differ: {_listed(names, other)}"
     return ""
+
+
+def _bits(numbers: Sequence[float]) -> bytes:
+    return array("d", numbers).tobytes()
 
 
 def _listed(names: Sequence[str], places: Any) -> str:
