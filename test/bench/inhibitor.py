@@ -45,6 +45,7 @@ ROUNDS, MESSAGES, WARM_UP = 10, 2000, 200
 STEADY_SEC, LONG_SEC, SEGMENT_SEC = 60.0, 600.0, 50.0
 PERIODS_US = {"back to back": 0, "at 1 kHz": 1000}
 RCLPY_ECHO = (sys.executable, str(Path(__file__).with_name("rclpy_echo.py")))
+LEAST_INHIBITOR = (sys.executable, str(Path(__file__).with_name("least_inhibitor.py")))
 # A shared machine stalls for longer than a robot PC may.
 PATIENCE = {"state_timeout": 0.3, "lease": 0.2, "max_time_limit": 60.0}
 _DISCOVERY_SEC = 30.0
@@ -113,28 +114,20 @@ class InhibitorBench:
 
     def ask(self, mode: str, count: int, period_us: int) -> Figures:
         """Let the C program ask so many times; returns what it prints."""
-        names, postures = self.robot.model.joint_names, self.robot.postures
-        goal = postures["end"].tolist()
-        rows = zip(names, postures["start"].tolist(), goal, strict=True)
-        arguments = [str(baseline("rcl_inhibit")), mode, str(count), str(WARM_UP), str(period_us)]
-        with subprocess.Popen(
-            arguments,
-            env=self._environment,
-            text=True,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-        ) as client:
-            assert client.stdin is not None
-            assert client.stdout is not None
-            client.stdin.write("".join(f"{name} {a} {b}\n" for name, a, b in rows))
-            client.stdin.close()
-            self._asker.arm(goal)
-            text = client.stdout.read()
-        if client.returncode:
-            raise RuntimeError(f"the client failed; the inhibitor says:\n{self.process.log_tail()}")
+        goal = self.robot.postures["end"].tolist()
+        try:
+            figures = asked(
+                self.robot,
+                self._environment,
+                mode,
+                count,
+                period_us,
+                partial(self._asker.arm, goal),
+            )
+        except subprocess.CalledProcessError as error:
+            raise RuntimeError(f"the inhibitor says:\n{self.process.log_tail()}") from error
         # The next swing is another one: this one ends when joint states stop.
         time.sleep(2.0 * PATIENCE["state_timeout"])
-        figures: Figures = json.loads(text)
         return figures
 
     def close(self) -> None:
@@ -142,6 +135,48 @@ class InhibitorBench:
         self.process.send(2)
         self.process.wait(10.0)
         self._asker.close()
+
+
+def asked(
+    robot: Robot,
+    environment: Mapping[str, str],
+    mode: str,
+    count: int,
+    period_us: int,
+    arm: Callable[[], None] = lambda: None,
+) -> Figures:
+    """Let the C program ask so many times, and arm meanwhile; returns what it prints."""
+    starts, goals = robot.postures["start"].tolist(), robot.postures["end"].tolist()
+    rows = zip(robot.model.joint_names, starts, goals, strict=True)
+    arguments = [str(baseline("rcl_inhibit")), mode, str(count), str(WARM_UP), str(period_us)]
+    with subprocess.Popen(
+        arguments,
+        env=dict(environment),
+        text=True,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+    ) as client:
+        assert client.stdin is not None
+        assert client.stdout is not None
+        client.stdin.write("".join(f"{name} {a} {b}\n" for name, a, b in rows))
+        client.stdin.close()
+        arm()
+        text = client.stdout.read()
+    if client.returncode:
+        raise subprocess.CalledProcessError(client.returncode, arguments)
+    figures: Figures = json.loads(text)
+    return figures
+
+
+def least(robot: Robot, count: int, period_us: int) -> Figures:
+    """Return what the least that an inhibitor in Python has to do takes."""
+    environment = isolated_environment(free_domain())
+    answering = subprocess.Popen(LEAST_INHIBITOR, env=environment)
+    try:
+        return asked(robot, environment, "closed", count, period_us)
+    finally:
+        answering.kill()
+        answering.wait()
 
 
 def echo(count: int, period_us: int, server: Sequence[str] = ()) -> Figures:
@@ -255,6 +290,8 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
     for pace, period in PERIODS_US.items():
         echoes = {"C echo": partial(echo, count, period)}
         echoes["rclpy echo"] = partial(echo, count, period, RCLPY_ECHO)
+        musashi = running["inhibitor"].robot
+        echoes["least inhibitor in Python"] = partial(least, musashi, count, period)
         own = {name: partial(bench.ask, "closed", count, period) for name, bench in running.items()}
         results = in_turns(
             {
@@ -275,8 +312,14 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
             for one in (
                 plain(results, "C echo"),
                 compared(results, "rclpy echo", "C echo"),
+                compared(results, "least inhibitor in Python", "C echo"),
                 plain(results, "C echo, no core sleeps"),
                 compared(results, "rclpy echo, no core sleeps", "C echo, no core sleeps"),
+                compared(
+                    results,
+                    "least inhibitor in Python, no core sleeps",
+                    "C echo, no core sleeps",
+                ),
                 judged(compared(results, "inhibitor", "C echo"), 1.5, 2.5, floor),
                 replace(
                     judged(compared(results, "inhibitor, tuned", "C echo"), 1.5, 2.5, floor),

@@ -1,0 +1,58 @@
+"""The least that an inhibitor in Python has to do: reads a state, asks MuJoCo, publishes.
+
+It checks nothing, is armed always, tells no status and has no lifecycle.
+"""
+
+from itertools import compress
+
+import rclpy
+from builtin_interfaces.msg import Duration
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, qos_profile_sensor_data
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from fastswing_msgs.msg import CurrentOverride
+from fastswing_planner.raw_messages import STAMP, MessageTemplate, RawReader
+from fastswing_planner.real_time import keep_what_there_is, tighten_timers
+from fastswing_planner.robot import load_robot
+from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.state_conversion import JointStateReader
+
+_LEASE = Duration(nanosec=200_000_000)
+_LONG_SEC = 1e6
+
+
+def main() -> None:
+    """Answer until killed."""
+    model = load_robot(resolve_path(MUSASHI)).model
+    tighten_timers()
+    rclpy.init()
+    node = Node("least_inhibitor", enable_rosout=False, start_parameter_services=False)
+    publisher = node.create_publisher(CurrentOverride, "current_override", QoSProfile(depth=1))
+    reader = RawReader(JointState, JointStateReader.NUMBERS)
+    overrides: dict[tuple[bool, ...], MessageTemplate] = {}
+
+    def answer(data: bytes) -> None:
+        state = reader.read(data)
+        speeds = model.lengthening(state.position, state.velocity)
+        antagonists = tuple([speed > 0.0 for speed in speeds])
+        if antagonists not in overrides:
+            names = list(compress(model.muscle_names, antagonists))
+            overrides[antagonists] = MessageTemplate(
+                CurrentOverride(name=names, lease=_LEASE), STAMP
+            )
+        stamp = state.header.stamp
+        publisher.publish(overrides[antagonists].filled(stamp.sec, stamp.nanosec))
+
+    node.create_subscription(JointState, "joint_states", answer, qos_profile_sensor_data, raw=True)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    keep_what_there_is()
+    # Without a timeout EventsExecutor livelocks in rclpy 7.1.
+    executor.spin_until_future_complete(Future(), timeout_sec=_LONG_SEC)
+
+
+if __name__ == "__main__":
+    main()
