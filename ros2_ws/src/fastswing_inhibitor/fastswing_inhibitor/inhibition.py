@@ -116,7 +116,7 @@ class Inhibition:
         self._way: list[float] = []
         self._goal_on_way = 0.0
         self._reversal = 0.0
-        self._seen: float | None = None
+        self._seen = -math.inf
         self.reason = Reason.NEVER_ARMED
         self.decisions = 0
         self.rejected = 0
@@ -133,12 +133,13 @@ class Inhibition:
         return math.nan if self._arming is None else self._arming.threshold
 
     def see(self, time: float) -> None:
-        """Take note of a joint state of that time [s] while not armed: they come."""
-        self._seen = time
+        """Take note of a joint state of that time [s]: they come."""
+        # One that was long on its way may come behind a newer one.
+        self._seen = max(time, self._seen)
 
     def arm(self, arming: Arming) -> None:
         """Begin a swing with the next joint state; raises NotReady or StaleState if none come."""
-        if self._seen is None:
+        if self._seen == -math.inf:
             raise NotReady("no joint state yet: is the bridge active, do its boards answer?")
         age, allowed = arming.start_time - self._seen, self._settings.state_timeout
         if age > allowed:
@@ -205,7 +206,7 @@ class Inhibition:
             lapse = now - self._last.time - settings.lease
             self.longest_lapse = max(self.longest_lapse, lapse)
         self._last = joints
-        self._seen = time
+        self.see(time)
         if end is not Reason.NONE:
             self.disarm(end)
             return self.nothing()

@@ -192,6 +192,14 @@ def test_a_higher_threshold_and_a_faster_motion_never_inhibit_more(
 # Arming.
 
 
+def test_a_state_that_comes_behind_a_newer_one_does_not_make_it_older() -> None:
+    inhibition = disarmed()
+    inhibition.see(START)
+    inhibition.see(START - 0.04)
+    inhibition.arm(dataclasses.replace(arming(), start_time=START + 0.04))
+    assert inhibition.armed
+
+
 def test_before_arming_nothing_is_inhibited() -> None:
     inhibition = disarmed()
     assert_over(inhibition, inhibition.decide(joints(0.0, (0.0, 0.0))), Reason.NEVER_ARMED)
