@@ -101,7 +101,6 @@ def inhibitor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
             threshold=THRESHOLD,
             state_timeout=0.3,
             raw_messages=request.param,
-            prevent_core_sleep=True,
         )
         suite.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
         yield Lone(suite)

@@ -8,8 +8,10 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from operator import mul
+from operator import gt, mul
 from typing import NamedTuple
+
+import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
@@ -110,7 +112,7 @@ class Inhibition:
         self._settings = settings
         self._oldest = min(settings.state_timeout, settings.lease)
         self._arming: Arming | None = None
-        self._free: list[bool] = []
+        self._thresholds: list[float] = []
         self._goal: list[float] = []
         self._last: JointNumbers | None = None
         self._way: list[float] = []
@@ -148,7 +150,8 @@ class Inhibition:
                 "active?"
             )
         self._arming = arming
-        self._free = (~arming.protected).tolist()
+        # No speed index exceeds a protected muscle's.
+        self._thresholds = np.where(arming.protected, np.inf, arming.threshold).tolist()
         self._goal = arming.goal.tolist()
         self._last = None
         self.reason = Reason.NONE
@@ -218,9 +221,7 @@ class Inhibition:
         lengthening = self._model.lengthening(position, direction)
         index = moving_speed_index(lengthening, norm, self._velocity_limit)
         # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
-        threshold = arming.threshold
-        judged = zip(index, self._free, strict=True)
-        inhibited = tuple([q > threshold and free for q, free in judged])
+        inhibited = tuple(map(gt, index, self._thresholds))
         return Decision(inhibited, index, slow, Reason.NONE)
 
     def _refuse_absurd_speed(self, velocity: Sequence[float]) -> None:

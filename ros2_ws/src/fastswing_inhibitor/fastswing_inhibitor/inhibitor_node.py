@@ -1,7 +1,6 @@
 """Method 1 as a node: joint state in, current override out."""
 
 import math
-import os
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
@@ -31,7 +30,7 @@ from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
 from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
 from fastswing_planner.raw_messages import RawReader
-from fastswing_planner.real_time import PREVENT_CORE_SLEEP, CoreSleep
+from fastswing_planner.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.request import checked_threshold, posture
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.robot import load_robot
@@ -78,7 +77,7 @@ TABLE = (
         0.2,
     ),
     RAW_MESSAGES,
-    PREVENT_CORE_SLEEP,
+    prevent_core_sleep(True, "While armed"),
     Parameter(
         "max_time_limit",
         5.0,
@@ -239,8 +238,6 @@ class InhibitorNode(ManagedNode):
         if decision.reason is Reason.NONE:
             self._override.publish(self._at_rate.override(header, decision))
             self._latency.add(self.age(header.stamp))
-            # Whom the override woke may wait for this core.
-            os.sched_yield()
             self._status.publish(self._at_rate.status(header, decision))
             return
         self._publish_release(header)

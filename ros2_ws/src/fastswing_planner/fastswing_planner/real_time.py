@@ -32,15 +32,6 @@ REAL_TIME = (
     ),
 )
 
-PREVENT_CORE_SLEEP = Parameter(
-    "prevent_core_sleep",
-    False,
-    "While the bridge is active, or the inhibitor armed, no core of this machine sleeps: messages "
-    "are answered sooner and periods are more regular, idle cores use power. Needs write access to "
-    "/dev/cpu_dma_latency; a refusal is a warning.",
-)
-"""For nodes that use CoreSleep."""
-
 _PR_SET_TIMERSLACK = 29
 _SHORTEST_SLACK_NS = 1
 _NO_LATENCY_US = bytes(4)  # as the kernel's s32
@@ -98,6 +89,17 @@ def use_priority(priority: int) -> str:
             "rtprio limit"
         )
     return ""
+
+
+def prevent_core_sleep(default: bool, when: str) -> Parameter:
+    """Return the parameter of a node that uses CoreSleep; `when` begins its description."""
+    return Parameter(
+        "prevent_core_sleep",
+        default,
+        f"{when} no core of this machine sleeps: messages are answered sooner and periods are more "
+        "regular, idle cores use power. Needs write access to /dev/cpu_dma_latency; a refusal is a "
+        "warning.",
+    )
 
 
 class CoreSleep:

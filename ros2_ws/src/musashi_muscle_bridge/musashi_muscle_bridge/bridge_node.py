@@ -23,7 +23,7 @@ from fastswing_msgs.msg import (
 from fastswing_planner.errors import InvalidLimit
 from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
-from fastswing_planner.real_time import PREVENT_CORE_SLEEP, CoreSleep
+from fastswing_planner.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import resolve_path
 from musashi_muscle_bridge.bus import group_urls
@@ -150,7 +150,7 @@ TABLE = (
         1.0,
     ),
     RAW_MESSAGES,
-    PREVENT_CORE_SLEEP,
+    prevent_core_sleep(False, "While active"),
 )
 
 
