@@ -4,6 +4,7 @@ import os
 import subprocess
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from baselines import baseline
@@ -44,12 +45,16 @@ class PaceBaseline:
     ) -> None:
         """Build and start it: frames of `frame_size` bytes, one per `period` [s].
 
+        Of 0 bytes: it exchanges nothing and only sees stalls.
+
         core      the only one that it runs on, so that it sees this one's stalls
         priority  of SCHED_FIFO; 0: an ordinary program, as it is too where the kernel refuses
         """
         program = baseline("udp_pace")
         port = str(free_udp_port())
-        self._echo = subprocess.Popen([program, "echo", port])
+        self._processes: list[subprocess.Popen[Any]] = []
+        if frame_size:
+            self._processes.append(subprocess.Popen([program, "echo", port]))
         microseconds = str(round(period * 1e6))
         count = str(round(seconds / period))
         self._loop = subprocess.Popen(
@@ -57,6 +62,7 @@ class PaceBaseline:
             stdout=subprocess.PIPE,
             text=True,
         )
+        self._processes.append(self._loop)
         if core is not None:
             os.sched_setaffinity(self._loop.pid, {core})
         if priority:
@@ -66,13 +72,14 @@ class PaceBaseline:
     def result(self) -> Pace:
         """Wait for its end."""
         text, _ = self._loop.communicate()
-        self._echo.wait()
+        for process in self._processes:
+            process.wait()
         nanoseconds = np.array([line.split() for line in text.splitlines()], dtype=np.int64)
         began, lateness, round_trip = nanoseconds.T * 1e-9
         return Pace(began, lateness, round_trip[round_trip > 0.0])
 
     def stop(self) -> None:
         """End it, if it still runs."""
-        for process in (self._loop, self._echo):
+        for process in self._processes:
             process.kill()
             process.wait()

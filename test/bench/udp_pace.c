@@ -4,7 +4,7 @@
 //     udp_pace loop PORT BYTES PERIOD_US COUNT
 //
 // The loop prints one line per period: begin, lateness of the wake-up, round trip (-1: no answer),
-// all in nanoseconds, begin on CLOCK_MONOTONIC.
+// all in nanoseconds, begin on CLOCK_MONOTONIC. With BYTES 0 it exchanges nothing.
 #define _GNU_SOURCE
 #include <arpa/inet.h>
 #include <errno.h>
@@ -49,8 +49,11 @@ static int loop(int s, size_t bytes, int64_t period, int count) {
     int64_t begin = now();
     seen[i][0] = begin;
     seen[i][1] = begin - deadline;
-    send(s, frame, bytes, 0);
-    ssize_t got = recv(s, frame, 65536, 0);
+    ssize_t got = -1;
+    if (bytes) {
+      send(s, frame, bytes, 0);
+      got = recv(s, frame, 65536, 0);
+    }
     int64_t end = now();
     seen[i][2] = got < 0 ? -1 : end - begin;
     deadline += period;
