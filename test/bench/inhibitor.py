@@ -26,7 +26,7 @@ import rclpy
 from baselines import baseline
 from builtin_interfaces.msg import Duration
 from limbed_arm import write_limbed_arm
-from machine import TUNED
+from machine import TUNED, wakeful
 from processes import Process, free_domain, isolated_environment
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -35,7 +35,6 @@ from rounds import Row
 
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import ArmInhibitor
-from fastswing_planner.real_time import CoreSleep
 from fastswing_planner.robot import Robot, load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
 
@@ -196,16 +195,6 @@ def echo(count: int, period_us: int, server: Sequence[str] = ()) -> Figures:
         echoing.wait()
     figures: Figures = json.loads(done.stdout)
     return figures
-
-
-def wakeful(program: Callable[[], Figures]) -> Figures:
-    """Return what a program takes while no core sleeps, where the kernel lets us ask for that."""
-    core_sleep = CoreSleep(True)
-    core_sleep.prevent()
-    try:
-        return program()
-    finally:
-        core_sleep.allow()
 
 
 def in_turns(

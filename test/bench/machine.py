@@ -2,8 +2,14 @@
 
 import os
 import platform
+from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import TypeVar
+
+from fastswing_planner.real_time import CoreSleep
+
+Measured = TypeVar("Measured")
 
 TUNED: dict[str, object] = {"prevent_core_sleep": True, "realtime_priority": 50}
 """Parameters of bridge and inhibitor on a robot PC, as docs/on_the_robot.md says."""
@@ -19,6 +25,16 @@ _PACKAGES = {
     "rosbags": ("rosbags",),
     "mcap-ros2-support": ("mcap-ros2-support",),
 }
+
+
+def wakeful(program: Callable[[], Measured]) -> Measured:
+    """Return what a program tells while no core sleeps, where the kernel lets us ask for that."""
+    core_sleep = CoreSleep(True)
+    core_sleep.prevent()
+    try:
+        return program()
+    finally:
+        core_sleep.allow()
 
 
 def machine() -> dict[str, str]:

@@ -15,6 +15,7 @@ import numpy as np
 import rclpy
 from growth_picture import Line, draw
 from limbed_arm import write_limbed_arm
+from machine import wakeful
 from plain_planner import PlainPlanner
 from processes import Process, free_domain, isolated_environment, stop_all
 from rclpy.experimental import EventsExecutor
@@ -40,6 +41,7 @@ SIZES = ((10, 5), (20, 5), (40, 5), (74, 5), (20, 10), (40, 20), (74, 33))
 TIME_STEPS = (0.03, 0.015, 0.0075)
 _MOST_MS = {"proxsuite": 10.0, "daqp": 5.0}
 _READY_SEC = 60.0
+_AWAKE = ", no core sleeps"
 # A plan in a new process, as JSON: what loading the robot and the first plan take [s].
 _COLD = """
 import json, sys, time
@@ -242,23 +244,22 @@ def _service_rows(robot: Robot, rounds: int, count: int) -> list[Row]:
         _asking(robot, partial(_empty_service, as_long)) as ask_nothing,
     ):
         calls = {"service": ask, "library": plan, "empty": ask_nothing}
-        found = _in_turns(calls, rounds, count)
-    asked = row(
-        f"plan through the service, {solver}",
-        found["service"],
-        against=(f"plan, {solver}", found["library"]),
-    )
-    added = [
-        one - float(np.median(other))
-        for one, other in zip(found["service"], found["library"], strict=True)
-    ]
-    floor = [one - as_long for one in found["empty"]]
-    return [
-        asked,
-        row("what the service adds", added, at_most=1.0),
-        row("what a service adds that works as long and answers nothing", floor),
-        row("what a plan costs as a message, there and back", _converted(robot, rounds, count)),
-    ]
+        programs = {name: repeated(call, count) for name, call in calls.items()}
+        awake = {f"{name}{_AWAKE}": partial(wakeful, program) for name, program in programs.items()}
+        found = in_turns({**programs, **awake}, rounds)
+    rows = []
+    for state in ("", _AWAKE):
+        asked, inside = found[f"service{state}"], found[f"library{state}"]
+        against = (f"plan, {solver}{state}", inside)
+        added = [one - float(np.median(other)) for one, other in zip(asked, inside, strict=True)]
+        floor = [one - as_long for one in found[f"empty{state}"]]
+        rows += [
+            row(f"plan through the service, {solver}{state}", asked, against=against),
+            row(f"what the service adds{state}", added, at_most=1.0),
+            row(f"what a service adds that works as long and answers nothing{state}", floor),
+        ]
+    title = "what a plan costs as a message, there and back"
+    return [*rows, row(title, _converted(robot, rounds, count))]
 
 
 def _converted(robot: Robot, rounds: int, count: int) -> list[Samples]:
