@@ -25,6 +25,7 @@ pytestmark = pytest.mark.system
 
 THRESHOLD = 0.07
 FRAME = "base"
+CORE_SLEEP = Path("/dev/cpu_dma_latency")
 
 
 class Lone:
@@ -239,21 +240,29 @@ def test_the_latency_has_one_bucket_more_than_bounds(lone: Lone) -> None:
     assert len(lone.statuses[-1].latency_count) == len(lone.statuses[-1].latency_bound) + 1
 
 
-def test_no_core_sleeps_while_armed_or_the_refusal_is_told(lone: Lone) -> None:
-    file = Path("/dev/cpu_dma_latency")
-    held = partial(holds, lone.suite.processes["inhibitor"].pid, file)
+@pytest.mark.skipif(not os.access(CORE_SLEEP, os.W_OK), reason=f"no access to {CORE_SLEEP}")
+@pytest.mark.parametrize("end", ["silence", "disarmed"])
+def test_no_core_sleeps_while_armed(lone: Lone, end: str) -> None:
+    held = partial(holds, lone.suite.processes["inhibitor"].pid, CORE_SLEEP)
     assert not held()
     lone.arm()
-    if os.access(file, os.W_OK):
-        assert held()
+    assert held()
+    if end == "silence":
         lone.streaming = {"silent": True}
-        lone.until_disarmed()
-        lone.suite.until("cores may sleep", lambda: not held())
     else:
-        lone.suite.until(
-            "the refusal",
-            lambda: f"{file} refused: " in lone.suite.reported("inhibitor", "not_granted"),
-        )
+        lone.suite.ask(Trigger, "disarm_inhibitor", Trigger.Request())
+    lone.until_disarmed()
+    lone.suite.until("cores may sleep", lambda: not held())
+
+
+@pytest.mark.skipif(os.access(CORE_SLEEP, os.W_OK), reason=f"{CORE_SLEEP} is granted")
+def test_cores_that_must_be_allowed_to_sleep_are_named_without_a_warning(lone: Lone) -> None:
+    lone.arm()
+    lone.suite.until(
+        "the refusal",
+        lambda: f"{CORE_SLEEP} refused: " in lone.suite.reported("inhibitor", "not_granted"),
+    )
+    assert CORE_SLEEP.name not in lone.suite.diagnostics["inhibitor"].message
 
 
 def test_the_diagnostics_name_the_longest_latency(lone: Lone) -> None:

@@ -42,6 +42,7 @@ def machine() -> dict[str, str]:
     return {
         "processor": _processor(Path("/proc/cpuinfo").read_text()),
         "cores": f"{len(os.sched_getaffinity(0))} of {os.cpu_count()}",
+        "core sleep": _core_sleep(),
         "load before": f"{os.getloadavg()[0]:.1f}",
         "kernel": f"{platform.system()} {platform.release()}",
         "Python": platform.python_version(),
@@ -53,6 +54,15 @@ def _processor(cpuinfo: str) -> str:
     lines = (line.partition(":") for line in cpuinfo.splitlines())
     models = [value.strip() for key, _, value in lines if key.strip() == "model name"]
     return models[0] if models else platform.machine()
+
+
+def _core_sleep() -> str:
+    driver = Path("/sys/devices/system/cpu/cpuidle/current_driver")
+    name = driver.read_text().strip() if driver.exists() else "unknown"
+    core_sleep = CoreSleep(True)
+    refused = core_sleep.prevent()
+    core_sleep.allow()
+    return f"by {name}, {'can not be prevented' if refused else 'can be prevented'}"
 
 
 def _version(names: tuple[str, ...]) -> str:

@@ -33,7 +33,10 @@ class Pace:
 
 
 class PaceBaseline:
-    """The program, running."""
+    """The program, running.
+
+    has_priority  it has what was asked for
+    """
 
     def __init__(
         self,
@@ -65,9 +68,11 @@ class PaceBaseline:
         self._processes.append(self._loop)
         if core is not None:
             os.sched_setaffinity(self._loop.pid, {core})
+        self.has_priority = not priority
         if priority:
             with suppress(OSError):
                 os.sched_setscheduler(self._loop.pid, os.SCHED_FIFO, os.sched_param(priority))
+                self.has_priority = True
 
     def result(self) -> Pace:
         """Wait for its end."""

@@ -44,6 +44,11 @@ QUESTION = (
 
 RATE_HZ = 1000.0
 RUN_SEC = 50.0
+RIGHTS: Mapping[str, Mapping[str, object]] = {
+    "as started": {},
+    "cores sleep": {"prevent_core_sleep": False},
+    "tuned": TUNED,
+}
 CORES = 2
 STAGES = (
     "boards answer",
@@ -332,12 +337,12 @@ def _row(name: str, seconds: NDArray[np.float64], floor: float, note: str = "") 
 
 
 def run(scale: float, plots: Path | None = None) -> list[Row]:
-    """Measure; `scale` 1 takes about two minutes. Plot: performance_whole_loop.png."""
+    """Measure; `scale` 1 takes about three minutes. Plot: performance_whole_loop.png."""
     seconds = max(RUN_SEC * scale, 3.0)
     with tempfile.TemporaryDirectory() as folder, on_cores(CORES):
         found = {
             title: measure(Path(folder) / title, seconds, rights)
-            for title, rights in {"as started": {}, "tuned": TUNED}.items()
+            for title, rights in RIGHTS.items()
         }
     drawn = {title: events.stages for title, (events, _) in found.items() if len(events.stages)}
     if plots is not None and len(drawn) == len(found):

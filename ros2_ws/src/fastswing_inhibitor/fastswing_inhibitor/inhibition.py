@@ -150,8 +150,10 @@ class Inhibition:
                 "active?"
             )
         self._arming = arming
+        thresholds = np.full(len(self._velocity_limit), arming.threshold)
         # No speed index exceeds a protected muscle's.
-        self._thresholds = np.where(arming.protected, np.inf, arming.threshold).tolist()
+        thresholds[arming.protected] = np.inf
+        self._thresholds = thresholds.tolist()
         self._goal = arming.goal.tolist()
         self._last = None
         self.reason = Reason.NONE

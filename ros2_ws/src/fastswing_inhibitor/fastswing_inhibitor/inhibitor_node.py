@@ -205,6 +205,7 @@ class InhibitorNode(ManagedNode):
     def deactivate(self) -> None:
         """Release all muscles and withdraw the services."""
         self._end(Reason.DEACTIVATED)
+        self._core_sleep.allow()
         self.destroy_subscription(self._subscription)
         self.destroy_timer(self._watch_timer)
         self.destroy_service(self._arm_service)
@@ -253,6 +254,7 @@ class InhibitorNode(ManagedNode):
 
     def _on_watch(self) -> None:
         if not self._inhibition.armed:
+            self._core_sleep.allow()  # again, if a defect cut the end of the swing short
             if self._releases and self._release is not None:
                 self._releases -= 1
                 self._override.publish(self._release)
@@ -320,7 +322,7 @@ class InhibitorNode(ManagedNode):
             return response
         self._releases = 0
         if refusal := self._core_sleep.prevent():
-            self.tell_refusal(refusal)
+            self.tell_refusal(refusal, asked=False)  # it is the default
         self._publish_resting_status(self._header_of_now())
         self.get_logger().info(f"armed for at most {arming.time_limit:g} s")
         response.error_code = ErrorCode.SUCCESS

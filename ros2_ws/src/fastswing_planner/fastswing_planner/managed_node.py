@@ -84,7 +84,7 @@ class ManagedNode(LifecycleNode):
         self.asked_to_end: Callable[[], bool] = lambda: False
         self._configured = False
         self._table = (*EVERY_NODE, *table)
-        self._not_granted: list[str] = []
+        self._not_granted: dict[str, bool] = {}  # whether somebody asked for it
         self._callback_errors = 0
         for row in self._table:
             self.declare_parameter(
@@ -234,15 +234,18 @@ class ManagedNode(LifecycleNode):
     def _configure(self) -> None:
         values = self.parameter_values()
         # First, so that the threads and processes that `configure` starts inherit it.
-        self._not_granted = []
+        self._not_granted = {}
         for text in ask_for_real_time(values["realtime_priority"], values["cpu_affinity"]):
             self.tell_refusal(text)
         self.configure(values)
 
-    def tell_refusal(self, text: str) -> None:
-        """Warn of what the kernel does not grant; diagnostics repeat it until configured again."""
+    def tell_refusal(self, text: str, asked: bool = True) -> None:
+        """Warn of what the kernel does not grant; diagnostics repeat it until configured again.
+
+        asked  somebody relies on it; else diagnostics name it and stay at their level
+        """
         if text not in self._not_granted:
-            self._not_granted.append(text)
+            self._not_granted[text] = asked
             self.get_logger().warning(text)
 
     def _transition(self, verb: str, action: Callable[[], None]) -> TransitionCallbackReturn:
@@ -315,8 +318,9 @@ class ManagedNode(LifecycleNode):
             # What the node says of the robot is more urgent than what is wrong with the node.
             summary = defect if level == DiagnosticStatus.OK else f"{summary}; {defect}"
             level = DiagnosticStatus.ERROR
-        elif self._not_granted and level == DiagnosticStatus.OK:
-            level, summary = DiagnosticStatus.WARN, "; ".join(self._not_granted)
+        elif any(self._not_granted.values()) and level == DiagnosticStatus.OK:
+            refused = (text for text, asked in self._not_granted.items() if asked)
+            level, summary = DiagnosticStatus.WARN, "; ".join(refused)
         values = {
             "active": self.is_active,
             "callback_errors": self._callback_errors,
