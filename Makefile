@@ -23,7 +23,7 @@ faults: build ## break everything, many times, for an hour; writes docs/fault_ma
 soak: build ## swing for 30 minutes at 1 kHz; memory and rates in out/soak: docs/soak.md
 	@scripts/ros_env python test/soak/soak.py $(ARGS)
 
-bench: build ## measure all beside baselines, half an hour; results in out/bench, docs/performance.md
+bench: build ## measure all beside baselines, 45 minutes; results in out/bench, docs/performance.md
 	@scripts/ros_env python test/bench/run_bench.py $(ARGS)
 
 bench-check: build ## is a ratio worse than the last accepted one?
