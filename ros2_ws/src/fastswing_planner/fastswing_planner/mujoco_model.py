@@ -1,7 +1,7 @@
 """A muscle model read from an MJCF file."""
 
 import math
-from array import array
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -43,11 +43,6 @@ def sparse_places(model: mujoco.MjModel) -> NDArray[np.int_]:
         there = np.arange(first, first + count)
         row[model.ten_J_colind[there]] = there
     return places
-
-
-def _plain(values: Vector) -> "memoryview[float]":
-    """Return a view that takes and gives Python's own numbers, quicker than numpy's."""
-    return values.data.cast("B").cast("d")
 
 
 class MujocoMuscleModel:
@@ -97,15 +92,21 @@ class MujocoMuscleModel:
         places = sparse_places(model)[self._tendons]
         if not self._coupling.followers:
             places = places[:, self._dofs]
-        # Plain views of MuJoCo's memory, for `lengthening`.
+        # For `lengthening`; struct takes plain numbers quicker than numpy.
         moving = self._moving
         moving.qpos[:] = reference
-        self._moving_qpos, self._moving_qvel = _plain(moving.qpos), _plain(moving.qvel)
-        self._path_speed = _plain(moving.ten_velocity)
-        self._in_a_row: tuple[slice, slice] | None = None
+        self._moving_qpos, self._moving_qvel = moving.qpos.data, moving.qvel.data
+        self._path_speed = moving.ten_velocity
+        self._in_a_row: tuple[int, int] | None = None  # where in qpos and qvel [bytes]
         qpos_places = contiguous(model.jnt_qposadr[joints])
-        if isinstance(qpos_places, slice) and isinstance(self._dofs, slice):
-            self._in_a_row = None if self._coupling.followers else (qpos_places, self._dofs)
+        if (
+            isinstance(qpos_places, slice)
+            and isinstance(self._dofs, slice)
+            and not self._coupling.followers
+        ):
+            size = struct.calcsize("d")
+            self._in_a_row = size * qpos_places.start, size * self._dofs.start
+        self._put = struct.Struct(f"{len(self.joint_names)}d").pack_into
         self._absent, self._places = places < 0, np.maximum(places, 0)
         self._smallest = np.full((len(self.muscle_names), len(self.joint_names)), _SMALLEST_ARM)
         if not self._coupling.followers:
@@ -169,8 +170,8 @@ class MujocoMuscleModel:
         model, data = self._model, self._moving
         if self._in_a_row is not None:
             positions, velocities = self._in_a_row
-            self._moving_qpos[positions] = array("d", joint_position)
-            self._moving_qvel[velocities] = array("d", joint_velocity)
+            self._put(self._moving_qpos, positions, *joint_position)
+            self._put(self._moving_qvel, velocities, *joint_velocity)
         else:
             rates = self._coupling.set_positions(data.qpos, joint_position)
             data.qvel[:] = rates @ joint_velocity
