@@ -159,6 +159,15 @@ def test_muscles_lengthen_as_the_jacobian_says(angles: list[float], speeds: list
     assert model.lengthening(angles, speeds) == pytest.approx(expected, abs=1e-8)
 
 
+@given(st.lists(ANGLE, min_size=2, max_size=2), st.lists(SPEED, min_size=2, max_size=2))
+def test_muscles_lengthen_so_too_if_joints_before_the_chosen_are_left_out(
+    angles: list[float], speeds: list[float]
+) -> None:
+    model = cart_model(("hinge", "twist"))
+    expected = model.jacobian(np.array(angles)) @ speeds
+    assert model.lengthening(angles, speeds) == pytest.approx(expected, abs=1e-8)
+
+
 @given(
     st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5), st.lists(SPEED, min_size=5, max_size=5)
 )
