@@ -26,7 +26,7 @@ import rclpy
 from baselines import baseline
 from builtin_interfaces.msg import Duration
 from limbed_arm import write_limbed_arm
-from machine import TUNED, wakeful
+from machine import AWAKE, TUNED, wakeful
 from processes import Process, free_domain, isolated_environment
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -44,6 +44,7 @@ ROUNDS, MESSAGES, WARM_UP = 10, 2000, 200
 STEADY_SEC, LONG_SEC, SEGMENT_SEC = 60.0, 600.0, 50.0
 PERIODS_US = {"back to back": 0, "at 1 kHz": 1000}
 RCLPY_ECHO = (sys.executable, str(Path(__file__).with_name("rclpy_echo.py")))
+LEAST = "least inhibitor in Python"
 LEAST_INHIBITOR = (sys.executable, str(Path(__file__).with_name("least_inhibitor.py")))
 # A shared machine stalls for longer than a robot PC may.
 PATIENCE = {"state_timeout": 0.3, "lease": 0.2, "max_time_limit": 60.0}
@@ -170,7 +171,7 @@ def asked(
 def least(robot: Robot, count: int, period_us: int) -> Figures:
     """Return what the least that an inhibitor in Python has to do takes."""
     environment = isolated_environment(free_domain())
-    answering = subprocess.Popen(LEAST_INHIBITOR, env=environment)
+    answering = subprocess.Popen((*LEAST_INHIBITOR, str(robot.path)), env=environment)
     try:
         return asked(robot, environment, "closed", count, period_us)
     finally:
@@ -248,7 +249,7 @@ def _beside_echo(results: Mapping[str, list[Figures]], name: str) -> Row:
 
 
 def _beside_wakeful_echo(results: Mapping[str, list[Figures]], name: str) -> Row:
-    row = compared(results, name, "C echo, no core sleeps")
+    row = compared(results, name, f"C echo{AWAKE}")
     row = judged(row, 1.5, 2.5, "median <= 1.5, p99 <= 2.5")
     return replace(row, name=f"{name}, beside an echo while no core sleeps")
 
@@ -296,15 +297,15 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
         echoes = {"C echo": partial(echo, count, period)}
         echoes["rclpy echo"] = partial(echo, count, period, RCLPY_ECHO)
         musashi = running["inhibitor"].robot
-        echoes["least inhibitor in Python"] = partial(least, musashi, count, period)
+        echoes[LEAST] = partial(least, musashi, count, period)
+        larger = running["inhibitor, 74 muscles"].robot
+        echoes[f"{LEAST}, 74 muscles"] = partial(least, larger, count, period)
         own = {name: partial(bench.ask, "closed", count, period) for name, bench in running.items()}
         results = in_turns(
             {
                 **echoes,
                 **own,
-                **{
-                    f"{name}, no core sleeps": partial(wakeful, one) for name, one in echoes.items()
-                },
+                **{f"{name}{AWAKE}": partial(wakeful, one) for name, one in echoes.items()},
             },
             rounds,
         )
@@ -315,14 +316,12 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
             for one in (
                 plain(results, "C echo"),
                 compared(results, "rclpy echo", "C echo"),
-                compared(results, "least inhibitor in Python", "C echo"),
-                plain(results, "C echo, no core sleeps"),
-                compared(results, "rclpy echo, no core sleeps", "C echo, no core sleeps"),
-                compared(
-                    results,
-                    "least inhibitor in Python, no core sleeps",
-                    "C echo, no core sleeps",
-                ),
+                compared(results, LEAST, "C echo"),
+                compared(results, f"{LEAST}, 74 muscles", LEAST),
+                plain(results, f"C echo{AWAKE}"),
+                compared(results, f"rclpy echo{AWAKE}", f"C echo{AWAKE}"),
+                compared(results, f"{LEAST}{AWAKE}", f"C echo{AWAKE}"),
+                compared(results, f"{LEAST}, 74 muscles{AWAKE}", f"{LEAST}{AWAKE}"),
                 _beside_echo(results, "inhibitor"),
                 _beside_wakeful_echo(results, "inhibitor"),
                 _beside_echo(results, "inhibitor, cores sleep"),

@@ -1,8 +1,11 @@
 """The least that an inhibitor in Python has to do: reads a state, asks MuJoCo, publishes.
 
 It checks nothing, is armed always, tells no status and has no lifecycle.
+
+scripts/ros_env python test/bench/least_inhibitor.py ROBOT
 """
 
+import sys
 from itertools import compress
 
 import rclpy
@@ -17,7 +20,7 @@ from fastswing_msgs.msg import CurrentOverride
 from fastswing_planner.raw_messages import STAMP, MessageTemplate, RawReader
 from fastswing_planner.real_time import keep_what_there_is, tighten_timers
 from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot_path import resolve_path
 from fastswing_planner.state_conversion import JointStateReader
 
 _LEASE = Duration(nanosec=200_000_000)
@@ -26,7 +29,7 @@ _LONG_SEC = 1e6
 
 def main() -> None:
     """Answer until killed."""
-    model = load_robot(resolve_path(MUSASHI)).model
+    model = load_robot(resolve_path(sys.argv[1])).model
     tighten_timers()
     rclpy.init()
     node = Node("least_inhibitor", enable_rosout=False, start_parameter_services=False)

@@ -9,6 +9,9 @@ from typing import TypeVar
 
 from fastswing_planner.real_time import CoreSleep
 
+AWAKE = ", no core sleeps"
+"""Ends the names of rows that were measured by `wakeful`."""
+
 Measured = TypeVar("Measured")
 
 TUNED: dict[str, object] = {"prevent_core_sleep": True, "realtime_priority": 50}

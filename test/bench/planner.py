@@ -15,7 +15,7 @@ import numpy as np
 import rclpy
 from growth_picture import Line, draw
 from limbed_arm import write_limbed_arm
-from machine import wakeful
+from machine import AWAKE, wakeful
 from plain_planner import PlainPlanner
 from processes import Process, free_domain, isolated_environment, stop_all
 from rclpy.experimental import EventsExecutor
@@ -41,7 +41,6 @@ SIZES = ((10, 5), (20, 5), (40, 5), (74, 5), (20, 10), (40, 20), (74, 33))
 TIME_STEPS = (0.03, 0.015, 0.0075)
 _MOST_MS = {"proxsuite": 10.0, "daqp": 5.0}
 _READY_SEC = 60.0
-_AWAKE = ", no core sleeps"
 # A plan in a new process, as JSON: what loading the robot and the first plan take [s].
 _COLD = """
 import json, sys, time
@@ -245,10 +244,10 @@ def _service_rows(robot: Robot, rounds: int, count: int) -> list[Row]:
     ):
         calls = {"service": ask, "library": plan, "empty": ask_nothing}
         programs = {name: repeated(call, count) for name, call in calls.items()}
-        awake = {f"{name}{_AWAKE}": partial(wakeful, program) for name, program in programs.items()}
+        awake = {f"{name}{AWAKE}": partial(wakeful, program) for name, program in programs.items()}
         found = in_turns({**programs, **awake}, rounds)
     rows = []
-    for state in ("", _AWAKE):
+    for state in ("", AWAKE):
         asked, inside = found[f"service{state}"], found[f"library{state}"]
         against = (f"plan, {solver}{state}", inside)
         added = [one - float(np.median(other)) for one, other in zip(asked, inside, strict=True)]
