@@ -149,11 +149,12 @@ class Inhibition:
                 f"the last joint state is {age:.3f} s old, at most {allowed:g} s: is the bridge "
                 "active?"
             )
-        self._arming = arming
+        # First, so that what is not one value per muscle raises here and arms nothing.
         thresholds = np.full(len(self._velocity_limit), arming.threshold)
         # No speed index exceeds a protected muscle's.
         thresholds[arming.protected] = np.inf
         self._thresholds = thresholds.tolist()
+        self._arming = arming
         self._goal = arming.goal.tolist()
         self._last = None
         self.reason = Reason.NONE

@@ -137,6 +137,14 @@ def test_a_muscle_without_moment_arm_is_not_inhibited_at_threshold_zero() -> Non
     assert not decision.inhibited[2]
 
 
+def test_what_protects_another_number_of_muscles_arms_nothing() -> None:
+    inhibition = disarmed()
+    inhibition.see(START)
+    with pytest.raises(IndexError):
+        inhibition.arm(dataclasses.replace(arming(), protected=np.array([True, False, True])))
+    assert not inhibition.armed
+
+
 def test_a_protected_muscle_is_never_inhibited() -> None:
     decision = armed(protected=(0,)).decide(joints(PERIOD, (0.0, 0.0), (1.0, 1.0)))
     assert list(decision.inhibited) == [False, False, True, False]
