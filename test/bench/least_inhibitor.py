@@ -25,6 +25,7 @@ from fastswing_planner.state_conversion import JointStateReader
 
 _LEASE = Duration(nanosec=200_000_000)
 _LONG_SEC = 1e6
+_ROUND_OFF = 1e-9  # [m/s]
 
 
 def main() -> None:
@@ -40,7 +41,7 @@ def main() -> None:
     def answer(data: bytes) -> None:
         state = reader.read(data)
         speeds = model.lengthening(state.position, state.velocity)
-        antagonists = tuple([speed > 0.0 for speed in speeds])
+        antagonists = tuple([speed > _ROUND_OFF for speed in speeds])
         if antagonists not in overrides:
             names = list(compress(model.muscle_names, antagonists))
             overrides[antagonists] = MessageTemplate(

@@ -80,6 +80,9 @@ class DecisionMessages:
         return list(compress(self._muscle_names, decision.inhibited))
 
 
+_Key = tuple[str, tuple[bool, ...]]  # frame and inhibited muscles
+
+
 class _Templates(NamedTuple):
     override: MessageTemplate
     status: MessageTemplate
@@ -98,11 +101,13 @@ class RawDecisionMessages:
         self._ordinary = ordinary
         self._inhibition = inhibition
         self._latency = latency
-        self._kept: dict[tuple[str, tuple[bool, ...]], _Templates] = {}
+        self._kept: dict[_Key, _Templates] = {}
+        self._last_key: _Key = "", ()
+        self._last: _Templates | None = None
 
     def override(self, header: Any, decision: Decision) -> CurrentOverride | bytes:
         """Return the override of a decision; see `DecisionMessages`."""
-        kept = self._kept.get(_key(header, decision))
+        kept = self._found((header.frame_id, decision.inhibited))
         if kept is None:
             # Templates take longer to make than the message: `status` makes them, which can wait.
             return self._ordinary.override(header, decision)
@@ -123,9 +128,15 @@ class RawDecisionMessages:
             latency.longest,
         )
 
+    def _found(self, key: _Key) -> _Templates | None:
+        # Most decisions are the last one again; to compare keys costs half of looking one up.
+        if key != self._last_key or self._last is None:
+            self._last_key, self._last = key, self._kept.get(key)
+        return self._last
+
     def _templates(self, header: Any, decision: Decision) -> _Templates:
-        key = _key(header, decision)
-        kept = self._kept.get(key)
+        key = header.frame_id, decision.inhibited
+        kept = self._found(key)
         if kept is None:
             if len(self._kept) == KEPT_TEMPLATES:
                 del self._kept[next(iter(self._kept))]
@@ -134,10 +145,6 @@ class RawDecisionMessages:
                 MessageTemplate(self._ordinary.status(header, decision), _STATUS_NUMBERS),
             )
         return kept
-
-
-def _key(header: Any, decision: Decision) -> tuple[str, tuple[bool, ...]]:
-    return header.frame_id, decision.inhibited
 
 
 def _ordinary(header: Any) -> Header:

@@ -1,6 +1,5 @@
 """A muscle model read from an MJCF file."""
 
-import math
 import struct
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,10 +18,9 @@ from fastswing_planner.mjcf_names import (
     reference_position,
     tendon_indices,
 )
-from fastswing_planner.muscle_model import Payload
+from fastswing_planner.muscle_model import SMALLEST_MOMENT_ARM, Payload
 
 _SHORTEST = 1e-6  # [m]
-_SMALLEST_ARM = 1e-9  # [m/rad]; less is round-off
 
 
 def load_mjcf(path: Path) -> mujoco.MjModel:
@@ -108,7 +106,7 @@ class MujocoMuscleModel:
             self._in_a_row = size * qpos_places.start, size * self._dofs.start
         self._put = struct.Struct(f"{len(self.joint_names)}d").pack_into
         self._absent, self._places = places < 0, np.maximum(places, 0)
-        self._smallest = np.full((len(self.muscle_names), len(self.joint_names)), _SMALLEST_ARM)
+        self._smallest = np.full(self._places.shape, SMALLEST_MOMENT_ARM)
         if not self._coupling.followers:
             self._smallest[self._absent] = np.inf  # whatever stands there is another element's
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
@@ -166,7 +164,7 @@ class MujocoMuscleModel:
     def lengthening(
         self, joint_position: Sequence[float], joint_velocity: Sequence[float]
     ) -> list[float]:
-        """Return dl/dt [m/s] of the m muscles; exactly 0 where one does not move."""
+        """Return dl/dt [m/s] of the m muscles."""
         model, data = self._model, self._moving
         if self._in_a_row is not None:
             positions, velocities = self._in_a_row
@@ -179,13 +177,8 @@ class MujocoMuscleModel:
         mujoco.mj_comPos(model, data)
         mujoco.mj_tendon(model, data)
         mujoco.mj_fwdVelocity(model, data)
-        speeds = self._path_speed.tolist()
-        if isinstance(self._tendons, slice):
-            speeds = speeds[self._tendons]
-        else:
-            speeds = [speeds[tendon] for tendon in self._tendons]
-        least = _SMALLEST_ARM * math.hypot(*joint_velocity)
-        return [0.0 if -least < speed < least else speed for speed in speeds]
+        speeds: list[float] = self._path_speed[self._tendons].tolist()
+        return speeds
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
         """Return the joint torque that holds the arm at rest [N m], shape (n,)."""

@@ -6,6 +6,9 @@ from typing import Protocol
 
 from fastswing_planner.arrays import Matrix, Vector
 
+SMALLEST_MOMENT_ARM = 1e-9
+"""[m/rad] Less is round-off: such a muscle does not move."""
+
 
 @dataclass(frozen=True)
 class Payload:
@@ -54,7 +57,7 @@ class MuscleModel(Protocol):
     ) -> list[float]:
         """Return dl/dt = G(theta) dtheta/dt (eq. 2 of the paper) [m/s] of the m muscles.
 
-        Plain numbers in and out: at the rate of the inhibitor, numpy costs more than it saves.
+        One that does not move may show round-off. Plain numbers in and out: at the rate of the inhibitor, numpy costs more than it saves.
         """
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:

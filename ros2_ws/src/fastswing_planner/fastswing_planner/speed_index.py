@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from fastswing_planner.arrays import Matrix, Vector, made_frozen
 from fastswing_planner.errors import StartEqualsEnd
-from fastswing_planner.muscle_model import MuscleModel
+from fastswing_planner.muscle_model import SMALLEST_MOMENT_ARM, MuscleModel
 
 
 def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
@@ -35,7 +35,7 @@ def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
 def moving_speed_index(
     lengthening: Sequence[float], speed: float, velocity_limit: Sequence[float]
 ) -> tuple[float, ...]:
-    """Return q [s/rad] of m muscles while the arm moves, as plain numbers.
+    """Return q [s/rad] of m muscles while the arm moves, as plain numbers; 0 if one does not move.
 
     lengthening     dl/dt = G(theta) theta_dot [m/s]
     speed           |theta_dot|_2 [rad/s]
@@ -45,8 +45,11 @@ def moving_speed_index(
     """
     _refuse_zero(speed)
     # r = G(theta) theta_dot / |theta_dot|_2,  q = r (/) l_dot^limit  (eq. 3 and 4 of the paper)
+    least = SMALLEST_MOMENT_ARM * speed
     pairs = zip(lengthening, velocity_limit, strict=True)
-    return tuple([length_rate / speed / limit for length_rate, limit in pairs])
+    return tuple(
+        [0.0 if -least < rate < least else rate / speed / limit for rate, limit in pairs]
+    )
 
 
 def _refuse_zero(speed: float) -> None:

@@ -1,5 +1,6 @@
 """A MuJoCo model's statics agree with its geometry, whatever joints and tendons are chosen."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from fastswing_planner.errors import RobotDescriptionError, UnknownName
 from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
 from fastswing_planner.muscle_model import MuscleModel, Payload
 from fastswing_planner.robot import Robot
+from fastswing_planner.speed_index import moving_speed_index
 
 # A slider, two hinges that are not in the order of the tendons, a ball that nobody chooses.
 MJCF = """
@@ -180,9 +182,10 @@ def test_musashis_muscles_lengthen_as_its_jacobian_says(
     assert lengthening == pytest.approx(expected, abs=1e-8)
 
 
-def test_a_muscle_that_does_not_move_has_no_speed_at_all() -> None:
+def test_a_muscle_that_does_not_move_has_no_speed_index_at_all() -> None:
     model = cart_model(muscles=("long", "idle"))
-    moved, idle = model.lengthening([0.1, 0.2, 0.3], [1.0, -1.0, 1.0])
+    lengthening = model.lengthening([0.1, 0.2, 0.3], [1.0, -1.0, 1.0])
+    moved, idle = moving_speed_index(lengthening, math.sqrt(3.0), [0.1, 0.1])
     assert moved != 0.0
     assert idle == 0.0
 

@@ -57,6 +57,14 @@ def test_the_speed_index_of_a_moving_arm_is_the_same(jacobian: Matrix, velocity:
     assert moving == pytest.approx(expected.tolist(), abs=1e-12)
 
 
+@given(st.floats(-1e-10, 1e-10), st.floats(1e-3, 10.0))
+def test_round_off_is_no_speed_index(round_off: float, speed: float) -> None:
+    arms = [round_off, 1e-8, -1e-8]
+    idle, *moving = moving_speed_index([arm * speed for arm in arms], speed, [0.1, 0.1, 0.1])
+    assert idle == 0.0
+    assert moving == pytest.approx([1e-7, -1e-7])
+
+
 def test_a_standing_arm_has_no_speed_index() -> None:
     with pytest.raises(StartEqualsEnd, match="the direction of motion is zero"):
         moving_speed_index([0.0], 0.0, [0.1])
