@@ -16,7 +16,11 @@ import numpy as np
 from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
 from fastswing_planner.muscle_model import MuscleModel
-from fastswing_planner.speed_index import moving_speed_index
+from fastswing_planner.speed_index import (
+    greatest_moment_arm,
+    plain_speed_index,
+    unit_direction,
+)
 
 
 class Reason(IntEnum):
@@ -68,13 +72,13 @@ class Decision(NamedTuple):
     """What to inhibit now.
 
     inhibited            of m muscles; none once the swing is over
-    speed_index          q [s/rad] of m muscles; NaN if not evaluated
+    moment_arm           r [m/rad] of m muscles; NaN if not evaluated
     direction_from_goal  the arm was too slow for its own direction
     reason               NONE while armed
     """
 
     inhibited: tuple[bool, ...]
-    speed_index: tuple[float, ...]
+    moment_arm: Sequence[float]
     direction_from_goal: bool
     reason: Reason
 
@@ -108,11 +112,12 @@ class Inhibition:
     ) -> None:
         """Start disarmed."""
         self._model = model
-        self._velocity_limit: list[float] = velocity_limit.tolist()
+        self._velocity_limit = velocity_limit
+        self._plain_limit: list[float] = velocity_limit.tolist()
         self._settings = settings
         self._oldest = min(settings.state_timeout, settings.lease)
         self._arming: Arming | None = None
-        self._thresholds: list[float] = []
+        self._greatest_arms: list[float] = []
         self._goal: list[float] = []
         self._last: JointNumbers | None = None
         self._way: list[float] = []
@@ -150,10 +155,9 @@ class Inhibition:
                 "active?"
             )
         # First, so that what is not one value per muscle raises here and arms nothing.
-        thresholds = np.full(len(self._velocity_limit), arming.threshold)
-        # No speed index exceeds a protected muscle's.
-        thresholds[arming.protected] = np.inf
-        self._thresholds = thresholds.tolist()
+        greatest = greatest_moment_arm(arming.threshold, self._velocity_limit)
+        greatest[arming.protected] = np.inf
+        self._greatest_arms = greatest.tolist()
         self._arming = arming
         self._goal = arming.goal.tolist()
         self._last = None
@@ -221,11 +225,16 @@ class Inhibition:
         # At rest theta_dot / |theta_dot| is noise: the direction to the goal takes its place.
         direction = _difference(self._goal, position) if slow else velocity
         norm = math.hypot(*direction) if slow else speed
-        lengthening = self._model.lengthening(position, direction)
-        index = moving_speed_index(lengthening, norm, self._velocity_limit)
-        # o[i] = 0 if q[i] > C  (eq. 5 of the paper)
-        inhibited = tuple(map(gt, index, self._thresholds))
-        return Decision(inhibited, index, slow, Reason.NONE)
+        # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
+        moment_arm = self._model.lengthening(position, unit_direction(direction, norm))
+        # o[i] = 0 if q[i] > C  (eq. 5 of the paper): where r[i] is above the greatest one that
+        # q[i] allows. So q itself is worked out when the override is on its way.
+        inhibited = tuple(map(gt, moment_arm, self._greatest_arms))
+        return Decision(inhibited, moment_arm, slow, Reason.NONE)
+
+    def speed_index(self, decision: Decision) -> tuple[float, ...]:
+        """Return q [s/rad] of the m muscles at a decision; NaN if not evaluated."""
+        return plain_speed_index(decision.moment_arm, self._plain_limit)
 
     def _refuse_absurd_speed(self, velocity: Sequence[float]) -> None:
         fastest, allowed = max(map(abs, velocity)), self._settings.max_joint_speed
@@ -234,7 +243,7 @@ class Inhibition:
 
     def nothing(self) -> Decision:
         """Return the decision that inhibits nothing, with the reason of the last end."""
-        count = len(self._velocity_limit)
+        count = len(self._plain_limit)
         return Decision((False,) * count, (math.nan,) * count, False, self.reason)
 
     def _set_out(self, start: Sequence[float]) -> None:

@@ -9,13 +9,12 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fastswing_inhibitor.inhibition import (
     Arming,
-    Decision,
     Inhibition,
     InhibitionSettings,
     JointNumbers,
@@ -53,19 +52,30 @@ class WhatIf:
     velocity_limit: float | None = None
 
 
+class Told(NamedTuple):
+    """What a status tells of a decision, in the model's order of muscles.
+
+    speed_index  q [s/rad]; NaN if not evaluated
+    """
+
+    inhibited: tuple[bool, ...]
+    speed_index: tuple[float, ...]
+    direction_from_goal: bool
+    reason: Reason
+
+
 @dataclass(frozen=True)
 class Compared:
     """One decision, published and replayed.
 
     stamp_ns       of the joint state
-    published      q [s/rad] (NaN: not evaluated) and what was inhibited, in the model's order
     replayed       by the rule; None if its joint state is not in the bag
     difference     in words; empty if both are equal, q bit for bit
     """
 
     stamp_ns: int
-    published: Decision
-    replayed: Decision | None
+    published: Told
+    replayed: Told | None
     difference: str
 
 
@@ -133,7 +143,7 @@ class _Status:
     log_ns: int
     armed: bool
     threshold: float
-    decision: Decision
+    decision: Told
     decisions: int
     rejected: int
 
@@ -279,13 +289,15 @@ class _Rule:
         low = bisect_right(self._stamps, before.stamp_ns)
         return self._stamps[low : bisect_left(self._stamps, status.stamp_ns)]
 
-    def _decided(self, inhibition: Inhibition, stamp_ns: int, start_ns: int) -> Decision | str:
+    def _decided(self, inhibition: Inhibition, stamp_ns: int, start_ns: int) -> Told | str:
         """Return what the rule decides on a joint state, or why it cannot."""
         time = (stamp_ns - start_ns) * 1e-9
         try:
-            return inhibition.decide(JointNumbers(time, *self._joints[stamp_ns]))
+            made = inhibition.decide(JointNumbers(time, *self._joints[stamp_ns]))
         except PlannerError as error:
             return str(error)
+        index = inhibition.speed_index(made)
+        return Told(made.inhibited, index, made.direction_from_goal, made.reason)
 
 
 def _lost_between(before: _Status, status: _Status) -> int:
@@ -293,9 +305,7 @@ def _lost_between(before: _Status, status: _Status) -> int:
     return max(status.decisions - before.decisions - status.armed, 0)
 
 
-def _difference(
-    names: Sequence[str], published: Decision, made: Decision, passed_over: bool
-) -> str:
+def _difference(names: Sequence[str], published: Told, made: Told, passed_over: bool) -> str:
     """Say in words what differs between two decisions; empty if nothing does.
 
     passed_over  whether the bag has joint states from between it and the decision before
@@ -426,7 +436,7 @@ def _statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Status]:
         rejected = part["rejected"] if "rejected" in part else np.zeros(part.count, dtype=int)
         for row in range(part.count):
             chosen = set(part["inhibited"][row])
-            decision = Decision(
+            decision = Told(
                 tuple(name in chosen for name in model.muscle_names),
                 tuple(part["speed_index"][row][order].tolist()),
                 bool(part["direction_from_goal"][row]),

@@ -31,15 +31,21 @@ headers = st.builds(
 @st.composite
 def decisions(draw: st.DrawFn, muscles: int = 6) -> Decision:
     some = st.lists(st.booleans(), min_size=muscles, max_size=muscles)
-    index = st.lists(st.floats(), min_size=muscles, max_size=muscles)
-    return Decision(tuple(draw(some)), tuple(draw(index)), draw(st.booleans()), Reason.NONE)
+    arms = st.lists(st.floats(), min_size=muscles, max_size=muscles)
+    return Decision(tuple(draw(some)), draw(arms), draw(st.booleans()), Reason.NONE)
 
 
 class Both:
     """Both kinds of messages, of one inhibitor."""
 
     def __init__(self, muscles: int = 6) -> None:
-        self.inhibition = SimpleNamespace(armed=True, threshold=0.5, decisions=0, rejected=0)
+        self.inhibition = SimpleNamespace(
+            armed=True,
+            threshold=0.5,
+            decisions=0,
+            rejected=0,
+            speed_index=lambda decision: tuple(decision.moment_arm),
+        )
         self.latency = LatencyHistogram()
         state: Any = self.inhibition
         names = [f"#{number}" for number in range(muscles)]

@@ -90,7 +90,7 @@ def armed(
 def assert_over(inhibition: Inhibition, decision: Decision, reason: Reason) -> None:
     assert decision.reason is reason
     assert not any(decision.inhibited)
-    assert np.isnan(decision.speed_index).all()
+    assert np.isnan(inhibition.speed_index(decision)).all()
     assert not inhibition.armed
     assert inhibition.reason is reason
 
@@ -104,8 +104,9 @@ def test_muscles_that_resist_the_motion_are_inhibited() -> None:
 
 
 def test_the_speed_index_is_moment_arm_over_velocity_limit() -> None:
-    decision = armed().decide(joints(PERIOD, (0.0, 0.0), (2.0, 0.0)))
-    np.testing.assert_allclose(decision.speed_index, [0.2, -0.2, 0.0, 0.0])
+    inhibition = armed()
+    decision = inhibition.decide(joints(PERIOD, (0.0, 0.0), (2.0, 0.0)))
+    np.testing.assert_allclose(inhibition.speed_index(decision), [0.2, -0.2, 0.0, 0.0])
 
 
 def test_an_armed_decision_has_no_reason_to_end() -> None:
@@ -121,8 +122,9 @@ def test_the_present_motion_counts_not_the_direction_to_the_goal() -> None:
 
 def test_a_muscle_exactly_at_the_threshold_is_not_inhibited() -> None:
     index = 0.06 / 0.3
-    decision = armed(threshold=index).decide(joints(PERIOD, (0.0, 0.0)))
-    assert decision.speed_index[0] == index
+    inhibition = armed(threshold=index)
+    decision = inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    assert inhibition.speed_index(decision)[0] == index
     assert not any(decision.inhibited)
 
 
@@ -132,8 +134,9 @@ def test_a_muscle_just_above_the_threshold_is_inhibited() -> None:
 
 
 def test_a_muscle_without_moment_arm_is_not_inhibited_at_threshold_zero() -> None:
-    decision = armed().decide(joints(PERIOD, (0.0, 0.0)))
-    assert decision.speed_index[2] == 0.0
+    inhibition = armed()
+    decision = inhibition.decide(joints(PERIOD, (0.0, 0.0)))
+    assert inhibition.speed_index(decision)[2] == 0.0
     assert not decision.inhibited[2]
 
 

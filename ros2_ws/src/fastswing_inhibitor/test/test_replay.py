@@ -149,7 +149,7 @@ def status(time_ns: int, inhibition: Inhibition, made: Decision) -> InhibitionSt
         reason=int(made.reason),
         threshold=inhibition.threshold,
         name=BentArm.muscle_names,
-        speed_index=list(made.speed_index),
+        speed_index=list(inhibition.speed_index(made)),
         inhibited=list(compress(BentArm.muscle_names, made.inhibited)),
         direction_from_goal=made.direction_from_goal,
         decisions=inhibition.decisions,

@@ -57,7 +57,8 @@ class MuscleModel(Protocol):
     ) -> list[float]:
         """Return dl/dt = G(theta) dtheta/dt (eq. 2 of the paper) [m/s] of the m muscles.
 
-        One that does not move may show round-off. Plain numbers in and out: at the rate of the inhibitor, numpy costs more than it saves.
+        One that does not move may show round-off. Plain numbers in and out: at the rate of the
+        inhibitor, numpy costs more than it saves.
         """
 
     def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:

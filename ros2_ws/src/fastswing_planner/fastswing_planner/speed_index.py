@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from fastswing_planner.arrays import Matrix, Vector, made_frozen
 from fastswing_planner.errors import StartEqualsEnd
 from fastswing_planner.muscle_model import SMALLEST_MOMENT_ARM, MuscleModel
@@ -32,28 +34,41 @@ def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
     return made_frozen(muscle_moment_arm / velocity_limit)
 
 
-def moving_speed_index(
-    lengthening: Sequence[float], speed: float, velocity_limit: Sequence[float]
-) -> tuple[float, ...]:
-    """Return q [s/rad] of m muscles while the arm moves, as plain numbers; 0 if one does not move.
+def unit_direction(direction: Sequence[float], norm: float) -> list[float]:
+    """Return theta_dot / |theta_dot|_2, along which muscles lengthen by their moment arms (eq. 3).
 
-    lengthening     dl/dt = G(theta) theta_dot [m/s]
-    speed           |theta_dot|_2 [rad/s]
-    velocity_limit  l_dot^limit [m/s], positive
-
-    Raises StartEqualsEnd for a zero speed.
+    norm  |theta_dot|_2; raises StartEqualsEnd for a zero one
     """
-    _refuse_zero(speed)
-    # r = G(theta) theta_dot / |theta_dot|_2,  q = r (/) l_dot^limit  (eq. 3 and 4 of the paper)
-    least = SMALLEST_MOMENT_ARM * speed
-    pairs = zip(lengthening, velocity_limit, strict=True)
-    return tuple(
-        [0.0 if -least < rate < least else rate / speed / limit for rate, limit in pairs]
-    )
+    _refuse_zero(norm)
+    return [component / norm for component in direction]
 
 
-def _refuse_zero(speed: float) -> None:
-    if not speed > 0.0:
+def plain_speed_index(
+    muscle_moment_arm: Sequence[float], velocity_limit: Sequence[float]
+) -> tuple[float, ...]:
+    """Return `speed_index` from and to plain numbers; 0 of a muscle that does not move."""
+    # q = r (/) l_dot^limit  (eq. 4 of the paper)
+    pairs = zip(muscle_moment_arm, velocity_limit, strict=True)
+    least = SMALLEST_MOMENT_ARM
+    return tuple([0.0 if -least < arm < least else arm / limit for arm, limit in pairs])
+
+
+def greatest_moment_arm(threshold: float, velocity_limit: Vector) -> Vector:
+    """Return the greatest r [m/rad], shape (m,), at which `plain_speed_index` is not above C.
+
+    threshold       C [s/rad], not negative
+    velocity_limit  l_dot^limit [m/s], shape (m,), positive
+    """
+    # r <= C l_dot^limit; rounding may have moved the product by one number.
+    arm = threshold * velocity_limit
+    arm = np.where(arm / velocity_limit > threshold, np.nextafter(arm, -np.inf), arm)
+    above = np.nextafter(arm, np.inf)
+    arm = np.where(above / velocity_limit > threshold, arm, above)
+    return np.maximum(arm, np.nextafter(SMALLEST_MOMENT_ARM, 0.0))
+
+
+def _refuse_zero(norm: float) -> None:
+    if not norm > 0.0:
         raise StartEqualsEnd("the direction of motion is zero, so no moment arm is defined")
 
 

@@ -1,5 +1,6 @@
 """The speed index says which muscles restrain a motion, and how much."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -13,10 +14,12 @@ from fastswing_planner.errors import StartEqualsEnd
 from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.robot import Robot
 from fastswing_planner.speed_index import (
+    greatest_moment_arm,
     moment_arm,
-    moving_speed_index,
+    plain_speed_index,
     speed_index,
     swing_speed_index,
+    unit_direction,
 )
 
 ARMS = arrays(float, (4, 2), elements=st.floats(-0.1, 0.1))
@@ -50,24 +53,50 @@ def test_a_muscle_that_lengthens_is_a_positive_antagonist() -> None:
 
 
 @given(ARMS, DIRECTION)
-def test_the_speed_index_of_a_moving_arm_is_the_same(jacobian: Matrix, velocity: Vector) -> None:
-    limit, speed = np.array([0.1, 0.2, 0.3, 0.4]), float(np.linalg.norm(velocity))
-    moving = moving_speed_index((jacobian @ velocity).tolist(), speed, limit.tolist())
-    expected = speed_index(moment_arm(jacobian, velocity), limit)
-    assert moving == pytest.approx(expected.tolist(), abs=1e-12)
+def test_an_arm_lengthens_its_muscles_by_the_moment_arm_along_a_unit(
+    jacobian: Matrix, velocity: Vector
+) -> None:
+    unit = unit_direction(velocity.tolist(), float(np.linalg.norm(velocity)))
+    assert jacobian @ unit == pytest.approx(moment_arm(jacobian, velocity), abs=1e-15)
 
 
-@given(st.floats(-1e-10, 1e-10), st.floats(1e-3, 10.0))
-def test_round_off_is_no_speed_index(round_off: float, speed: float) -> None:
-    arms = [round_off, 1e-8, -1e-8]
-    idle, *moving = moving_speed_index([arm * speed for arm in arms], speed, [0.1, 0.1, 0.1])
-    assert idle == 0.0
-    assert moving == pytest.approx([1e-7, -1e-7])
+@given(arrays(float, 4, elements=st.floats(-0.1, 0.1)))
+def test_the_speed_index_of_plain_numbers_is_the_same(arms: Vector) -> None:
+    limit = np.array([0.1, 0.2, 0.3, 0.4])
+    plain = plain_speed_index(arms.tolist(), limit.tolist())
+    assert plain == pytest.approx(speed_index(arms, limit).tolist(), abs=1e-8)
 
 
-def test_a_standing_arm_has_no_speed_index() -> None:
+@given(st.floats(-1e-9, 1e-9, exclude_min=True, exclude_max=True))
+def test_round_off_is_no_speed_index(round_off: float) -> None:
+    assert plain_speed_index([round_off, 1e-9, -1e-9], [0.1] * 3) == (0.0, 1e-8, -1e-8)
+
+
+THRESHOLD = st.one_of(st.just(0.0), st.floats(1e-12, 1e6))
+LIMIT = st.floats(1e-3, 1e3)
+
+
+@given(THRESHOLD, LIMIT, st.integers(-3, 3))
+def test_a_speed_index_is_above_the_threshold_just_above_the_greatest_moment_arm(
+    threshold: float, limit: float, numbers_away: int
+) -> None:
+    arm = greatest = float(greatest_moment_arm(threshold, np.array([limit]))[0])
+    for _ in range(abs(numbers_away)):
+        arm = math.nextafter(arm, math.copysign(math.inf, numbers_away))
+    assert (arm > greatest) is (plain_speed_index([arm], [limit])[0] > threshold)
+
+
+@given(THRESHOLD, LIMIT, st.floats(-10.0, 10.0))
+def test_a_speed_index_is_above_the_threshold_only_there(
+    threshold: float, limit: float, arm: float
+) -> None:
+    greatest = greatest_moment_arm(threshold, np.array([limit]))[0]
+    assert (arm > greatest) == (plain_speed_index([arm], [limit])[0] > threshold)
+
+
+def test_a_standing_arm_has_no_direction() -> None:
     with pytest.raises(StartEqualsEnd, match="the direction of motion is zero"):
-        moving_speed_index([0.0], 0.0, [0.1])
+        unit_direction([0.0], 0.0)
 
 
 def test_a_standing_arm_has_no_moment_arm() -> None:
