@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from fastswing_msgs.msg import ErrorCode, SwingOptions
+from fastswing_msgs.msg import ErrorCode, SwingOptions, SwingTrajectory
 
 if TYPE_CHECKING:
     from test.conftest import Suite
@@ -59,7 +59,7 @@ def test_the_service_says_what_is_wrong(
 def test_the_service_gives_no_plan_for_a_wrong_request(
     all_nodes: "Suite", wrong: tuple[dict[str, Any], int, list[str]]
 ) -> None:
-    assert list(all_nodes.plan(**wrong[0]).plan.trajectory) == []
+    assert all_nodes.plan(**wrong[0]).plan.trajectory == SwingTrajectory()
 
 
 def test_the_action_says_what_is_wrong(

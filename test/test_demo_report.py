@@ -16,7 +16,13 @@ from std_msgs.msg import Header
 from swing_bag import UnusableBag, read_swing, read_swings
 from swing_picture import draw_figure
 
-from fastswing_msgs.msg import CurrentOverride, LengthCommand, MuscleState, SwingPlan, SwingPoint
+from fastswing_msgs.msg import (
+    CurrentOverride,
+    LengthCommand,
+    MuscleState,
+    SwingPlan,
+    SwingTrajectory,
+)
 from fastswing_planner.analysis.motor_limits import MotorLimit
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
@@ -96,12 +102,13 @@ class SwingBag:
 
     def plan(self, masked: list[str], seconds: float = 0.1) -> None:
         steps = [0.0, 0.3, 0.6, 0.9]
-        points = [
-            SwingPoint(time_from_start=step, joint_velocity=[0.05, 0.0, 0.0, 2 * step, 0.0])
-            for step in steps
-        ]
+        trajectory = SwingTrajectory(
+            time_from_start=steps,
+            joint_velocity=[v for step in steps for v in (0.05, 0.0, 0.0, 2 * step, 0.0)],
+        )
         mask = [int(name not in masked) for name in MUSCLES]
-        message = SwingPlan(joint_name=JOINTS, muscle_name=MUSCLES, mask=mask, trajectory=points)
+        message = SwingPlan(joint_name=JOINTS, muscle_name=MUSCLES, mask=mask)
+        message.trajectory = trajectory
         message.start_position, message.end_position = [0.0] * 5, [0.0, 0.0, 0.0, 1.9, 0.0]
         message.elongation = [0.0] * 10
         self.add("/swing_plan", seconds, message)

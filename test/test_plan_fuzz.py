@@ -203,7 +203,7 @@ def check_outcome(outcome: Any) -> None:
     if outcome.error_code == ErrorCode.SUCCESS:
         assert outcome.error_string == ""
         assert all_finite(outcome.plan)
-        assert len(outcome.plan.trajectory) >= 2
+        assert len(outcome.plan.trajectory.time_from_start) >= 2
         assert set(outcome.plan.joint_name) == set(JOINTS)
     else:
         assert outcome.error_string != ""

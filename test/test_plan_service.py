@@ -9,7 +9,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 
-from fastswing_msgs.msg import ErrorCode, MaskTrial, SwingOptions, SwingPlan
+from fastswing_msgs.msg import ErrorCode, MaskTrial, SwingOptions, SwingPlan, SwingTrajectory
 from fastswing_msgs.srv import PlanSwing
 
 if TYPE_CHECKING:
@@ -45,10 +45,11 @@ def compare(suite: "Suite", **options: Any) -> PlanSwing.Response:
 
 def is_same_swing(plan: SwingPlan, other: SwingPlan) -> bool:
     """Solvers' results differ in their last bits with the alignment of memory."""
-    return len(plan.trajectory) == len(other.trajectory) and all(
-        np.allclose(getattr(point, field), getattr(beside, field), rtol=0.0, atol=1e-9)
-        for point, beside in zip(plan.trajectory, other.trajectory, strict=True)
-        for field in point.get_fields_and_field_types()
+    fields = SwingTrajectory.get_fields_and_field_types()
+    pairs = [(getattr(plan.trajectory, f), getattr(other.trajectory, f)) for f in fields]
+    return all(
+        len(one) == len(beside) and np.allclose(one, beside, rtol=0.0, atol=1e-9)
+        for one, beside in pairs
     )
 
 
@@ -64,7 +65,8 @@ def test_the_predicted_peak_elbow_speed_is_the_papers(
 ) -> None:
     answer = plan(lone_planner, method)
     elbow = list(answer.joint_name).index("E-p")
-    peak = max(abs(point.joint_velocity[elbow]) for point in answer.trajectory)
+    speed = np.reshape(answer.trajectory.joint_velocity, (-1, len(answer.joint_name)))
+    peak = np.abs(speed[:, elbow]).max()
     assert peak == pytest.approx(expected, rel=0.02)
 
 
@@ -115,8 +117,9 @@ def test_a_plan_warns_of_high_tension(lone_planner: "Suite") -> None:
 
 
 def test_a_plan_marks_the_muscles_that_hold_the_swing_back(lone_planner: "Suite") -> None:
-    limited = np.array([point.at_limit for point in plan(lone_planner, BASIC).trajectory])
-    assert names_where(plan(lone_planner, BASIC), limited[1:].any(axis=0)) != []
+    answer = plan(lone_planner, BASIC)
+    limited = np.reshape(answer.trajectory.at_limit, (-1, len(answer.muscle_name)))
+    assert names_where(answer, limited[1:].any(axis=0)) != []
     assert not limited[0].any()
 
 
@@ -175,7 +178,7 @@ def set_parameter(suite: "Suite", name: str, value: Any) -> SetParametersResult:
 @pytest.mark.parametrize(
     ("name", "value", "usual", "options", "figure", "expected"),
     [
-        ("time_step", 0.015, 0.03, {}, lambda plan: plan.trajectory[1].time_from_start, 0.015),
+        ("time_step", 0.015, 0.03, {}, lambda plan: plan.trajectory.time_from_start[1], 0.015),
         ("epsilon", 0.2, 0.01, {}, lambda plan: plan.epsilon, 0.2),
         (
             "search_time_limit",

@@ -18,7 +18,7 @@ from fastswing_msgs.msg import (
     LengthCommand,
     MuscleState,
     SwingPlan,
-    SwingPoint,
+    SwingTrajectory,
     TensionCommand,
 )
 from fastswing_planner.analysis.recording import Recording
@@ -87,15 +87,11 @@ class BagOfSwings:
             message.inhibited = plan.inhibited.astype(np.uint8).tolist()
             message.elongation = plan.elongation.tolist()
             message.speed_index = plan.speed_index.tolist()
-            message.trajectory = [
-                SwingPoint(time_from_start=time, joint_velocity=joint, muscle_velocity=muscle)
-                for time, joint, muscle in zip(
-                    plan.time.tolist(),
-                    plan.joint_velocity.tolist(),
-                    plan.muscle_velocity.tolist(),
-                    strict=True,
-                )
-            ]
+            message.trajectory = SwingTrajectory(
+                time_from_start=plan.time.tolist(),
+                joint_velocity=plan.joint_velocity.ravel().tolist(),
+                muscle_velocity=plan.muscle_velocity.ravel().tolist(),
+            )
             self.add(f"{namespace}/swing_plan", plan.received, message)
 
     def _add_commands(self, recording: Recording, namespace: str) -> None:

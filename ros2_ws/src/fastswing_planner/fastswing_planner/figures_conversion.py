@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fastswing_msgs.msg import SwingFigures, SwingPoint
+from fastswing_msgs.msg import SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_planner.arrays import Matrix
 from fastswing_planner.figures import SwingFigures as Figures
@@ -12,10 +12,11 @@ from fastswing_planner.figures import SwingFigures as Figures
 
 def predicted_figures(message: SwingPlanMessage) -> SwingFigures:
     """Return a plan's figures in the form of the measured ones."""
+    trajectory = message.trajectory
     return SwingFigures(
-        peak_joint_velocity=_peaks(column(message.trajectory, "joint_velocity")),
+        peak_joint_velocity=_peaks(table(trajectory.joint_velocity, len(message.joint_name))),
         time_cost=message.time_cost,
-        peak_muscle_velocity=_peaks(column(message.trajectory, "muscle_velocity")),
+        peak_muscle_velocity=_peaks(table(trajectory.muscle_velocity, len(message.muscle_name))),
         peak_tension=[float("nan")] * len(message.muscle_name),
     )
 
@@ -30,9 +31,9 @@ def figures_to_message(figures: Figures) -> SwingFigures:
     )
 
 
-def column(points: Sequence[SwingPoint], field: str) -> Matrix:
-    """Return one field of all points of a trajectory, shape (k + 1, n or m)."""
-    return np.array([getattr(point, field) for point in points], dtype=float)
+def table(numbers: Sequence[float], width: int) -> Matrix:
+    """Return a table of a trajectory's message, shape (k + 1, width); raises ValueError."""
+    return np.reshape(numbers, (-1, width))
 
 
 def _peaks(values: Matrix) -> list[float]:

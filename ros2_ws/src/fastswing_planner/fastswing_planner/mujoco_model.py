@@ -106,7 +106,9 @@ class MujocoMuscleModel:
             self._in_a_row = size * qpos_places.start, size * self._dofs.start
         self._put = struct.Struct(f"{len(self.joint_names)}d").pack_into
         self._absent, self._places = places < 0, np.maximum(places, 0)
-        self._smallest = np.full(self._places.shape, SMALLEST_MOMENT_ARM)
+        self._smallest = np.full(
+            (len(self.muscle_names), len(self.joint_names)), SMALLEST_MOMENT_ARM
+        )
         if not self._coupling.followers:
             self._smallest[self._absent] = np.inf  # whatever stands there is another element's
         postures = self._probe_postures(reference[model.jnt_qposadr[joints]])

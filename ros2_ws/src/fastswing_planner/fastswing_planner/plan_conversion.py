@@ -12,13 +12,13 @@ from fastswing_msgs.msg import (
     MaskTrial,
     MethodOutcome,
     SwingOptions,
-    SwingPoint,
+    SwingTrajectory,
 )
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.arrays import Matrix, frozen, frozen_flags
+from fastswing_planner.arrays import frozen, frozen_flags
 from fastswing_planner.error_code import error_code, error_from
-from fastswing_planner.figures_conversion import column
+from fastswing_planner.figures_conversion import table
 from fastswing_planner.mask_search import Trial, Verdict
 from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import Outcome, SwingPlan
@@ -47,7 +47,8 @@ _VECTORS = (
     "final_tension",
     "speed_index",
 )
-_POINT_VECTORS = ("joint_position", "joint_velocity", "muscle_length", "muscle_velocity")
+_JOINT_TABLES = ("joint_position", "joint_velocity")
+_MUSCLE_TABLES = ("muscle_length", "muscle_velocity")
 
 
 def request_from_message(
@@ -151,7 +152,7 @@ def plan_to_message(plan: SwingPlan) -> SwingPlanMessage:
         epsilon=plan.epsilon,
         time_cost=plan.time_cost,
         time_cost_basic=plan.time_cost_basic,
-        trajectory=_points(plan.trajectory),
+        trajectory=_trajectory_to_message(plan.trajectory),
         trials=[_trial(trial, plan.muscle_names) for trial in plan.trials],
         proven=plan.proven,
         warning=list(plan.warnings),
@@ -173,7 +174,7 @@ def plan_from_message(message: SwingPlanMessage) -> SwingPlan:
         holding_margin=message.holding_margin,
         epsilon=message.epsilon,
         time_cost_basic=message.time_cost_basic,
-        trajectory=_trajectory(message.trajectory),
+        trajectory=_trajectory(message),
         trials=tuple(_trial_from(trial, muscles) for trial in message.trials),
         proven=message.proven,
         warnings=tuple(message.warning),
@@ -203,24 +204,24 @@ def _numbers(values: object) -> list[float]:
     return [float(value) for value in np.asarray(values, dtype=float).ravel()]
 
 
-def _points(trajectory: Trajectory) -> list[SwingPoint]:
-    columns = [trajectory.time.tolist(), trajectory.at_limit.tolist()]
-    columns += [_message_rows(getattr(trajectory, name)) for name in _POINT_VECTORS]
-    fields = ("time_from_start", "at_limit", *_POINT_VECTORS)
-    return [SwingPoint(**dict(zip(fields, row, strict=True))) for row in zip(*columns, strict=True)]
+def _trajectory_to_message(trajectory: Trajectory) -> SwingTrajectory:
+    tables = {name: getattr(trajectory, name) for name in (*_JOINT_TABLES, *_MUSCLE_TABLES)}
+    return SwingTrajectory(
+        time_from_start=trajectory.time.tolist(),
+        at_limit=trajectory.at_limit.ravel().tolist(),
+        # As messages store them, so that no number is looked at one by one.
+        **{name: array("d", rows.tobytes()) for name, rows in tables.items()},
+    )
 
 
-def _message_rows(rows: Matrix) -> "list[array[float]]":
-    """Return the rows as messages store them, so that no number is looked at one by one."""
-    width, numbers = rows.shape[1], array("d", rows.tobytes())
-    return [numbers[first : first + width] for first in range(0, len(numbers), width)]
-
-
-def _trajectory(points: Sequence[SwingPoint]) -> Trajectory:
+def _trajectory(message: SwingPlanMessage) -> Trajectory:
+    tables = message.trajectory
+    joints, muscles = len(message.joint_name), len(message.muscle_name)
     return Trajectory(
-        time=frozen([point.time_from_start for point in points]),
-        at_limit=frozen_flags([point.at_limit for point in points]),
-        **{name: frozen(column(points, name)) for name in _POINT_VECTORS},
+        time=frozen(tables.time_from_start),
+        at_limit=frozen_flags(table(tables.at_limit, muscles)),
+        **{name: frozen(table(getattr(tables, name), joints)) for name in _JOINT_TABLES},
+        **{name: frozen(table(getattr(tables, name), muscles)) for name in _MUSCLE_TABLES},
     )
 
 

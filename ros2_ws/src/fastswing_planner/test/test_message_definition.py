@@ -34,7 +34,7 @@ def test_every_dependency_follows_once_in_depth_first_order() -> None:
     names = [section.split("\n", 1)[0] for section in sections("fastswing_msgs/msg/SwingPlan")[1:]]
     assert names == [
         "fastswing_msgs/MaskTrial",
-        "fastswing_msgs/SwingPoint",
+        "fastswing_msgs/SwingTrajectory",
         "std_msgs/Header",
         "builtin_interfaces/Time",
     ]

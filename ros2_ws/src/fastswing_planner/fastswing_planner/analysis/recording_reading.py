@@ -335,7 +335,7 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
     Plans recorded before a field existed lack it or have it empty: zero.
     """
     joints, muscles = tuple(message.joint_name), tuple(message.muscle_name)
-    points = message.trajectory
+    time, joint_velocity, muscle_velocity = _predicted(message.trajectory)
     kept = np.array(message.mask, dtype=bool)
     plan = RecordedPlan(
         received=received,
@@ -349,9 +349,9 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
         elongation=_plausible(message.elongation),
         speed_index=_plausible(_or_zeros(message, "speed_index", muscles)),
         time_cost=float(_plausible(message.time_cost)),
-        time=_plausible([point.time_from_start for point in points]),
-        joint_velocity=_table([point.joint_velocity for point in points], len(joints)),
-        muscle_velocity=_table([point.muscle_velocity for point in points], len(muscles)),
+        time=_plausible(time),
+        joint_velocity=_table(joint_velocity, len(time), len(joints)),
+        muscle_velocity=_table(muscle_velocity, len(time), len(muscles)),
     )
     for what, values, names in (
         ("start_position", plan.start, joints),
@@ -375,13 +375,25 @@ def _or_zeros(message: Any, name: str, muscles: Sequence[str]) -> Sequence[float
     return values if len(values) else [0.0] * len(muscles)
 
 
-def _table(rows: Sequence[Sequence[float]], width: int) -> Matrix:
-    """Return rows as a matrix (k, width); rows of another length are unknown."""
-    table = np.full((len(rows), width), np.nan)
-    for place, row in enumerate(rows):
-        if len(row) == width:
-            table[place] = row
-    return _plausible(table)
+def _predicted(trajectory: Any) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
+    """Return time [s] and the speeds of joints and muscles, row by row.
+
+    Plans recorded before SwingTrajectory have a message for each step.
+    """
+    if hasattr(trajectory, "time_from_start"):
+        return trajectory.time_from_start, trajectory.joint_velocity, trajectory.muscle_velocity
+    return (
+        [point.time_from_start for point in trajectory],
+        [speed for point in trajectory for speed in point.joint_velocity],
+        [speed for point in trajectory for speed in point.muscle_velocity],
+    )
+
+
+def _table(numbers: Sequence[float], steps: int, width: int) -> Matrix:
+    """Return a table (steps, width); unknown if there are fewer or more numbers."""
+    if len(numbers) != steps * width:
+        return np.full((steps, width), np.nan)
+    return _plausible(np.reshape(numbers, (steps, width)))
 
 
 def _windows(

@@ -9,6 +9,15 @@ import pytest
 from fastswing_planner.analysis.recording_reading import recorded_plan
 
 
+def trajectory(**changes: Any) -> SimpleNamespace:
+    fields: dict[str, Any] = {
+        "time_from_start": [0.0, 0.1],
+        "joint_velocity": [0.0, 0.0, 1.0, 2.0],
+        "muscle_velocity": [0.0, 0.0, 3.0, 4.0],
+    }
+    return SimpleNamespace(**(fields | changes))
+
+
 def message(**changes: Any) -> SimpleNamespace:
     """Return a plan of two joints and two muscles with some of its fields exchanged."""
     fields: dict[str, Any] = {
@@ -22,7 +31,7 @@ def message(**changes: Any) -> SimpleNamespace:
         "elongation": [0.0, 0.0],
         "speed_index": [0.1, 0.2],
         "time_cost": 0.5,
-        "trajectory": [],
+        "trajectory": trajectory(),
     }
     return SimpleNamespace(**(fields | changes))
 
@@ -31,6 +40,29 @@ def test_a_plan_is_read_by_its_names() -> None:
     plan = recorded_plan(3.0, message())
     assert (plan.received, plan.method, plan.joint_names) == (3.0, "inhibit", ("a", "b"))
     assert plan.masked == ("n",)
+
+
+def test_the_predicted_motion_has_a_row_for_each_step() -> None:
+    plan = recorded_plan(0.0, message())
+    assert plan.time.tolist() == [0.0, 0.1]
+    assert plan.joint_velocity.tolist() == [[0.0, 0.0], [1.0, 2.0]]
+    assert plan.muscle_velocity.tolist() == [[0.0, 0.0], [3.0, 4.0]]
+
+
+def test_a_plan_that_was_recorded_with_a_message_for_each_step_is_the_same() -> None:
+    steps = [
+        SimpleNamespace(time_from_start=time, joint_velocity=joint, muscle_velocity=muscle)
+        for time, joint, muscle in ((0.0, [0.0, 0.0], [0.0, 0.0]), (0.1, [1.0, 2.0], [3.0, 4.0]))
+    ]
+    old, new = (recorded_plan(0.0, message(**part)) for part in ({"trajectory": steps}, {}))
+    for name in ("time", "joint_velocity", "muscle_velocity"):
+        assert np.array_equal(getattr(old, name), getattr(new, name))
+
+
+def test_a_table_that_is_too_short_is_unknown() -> None:
+    plan = recorded_plan(0.0, message(trajectory=trajectory(muscle_velocity=[1.0])))
+    assert np.isnan(plan.muscle_velocity).all()
+    assert not np.isnan(plan.joint_velocity).any()
 
 
 @pytest.mark.parametrize("name", ["inhibited", "speed_index"])

@@ -31,7 +31,7 @@ def spoil(message: Any, chance: random.Random) -> None:
     if name == "header":
         message.header.stamp.sec = chance.choice([0, 2**31 - 1, 1_600_000_000])
     elif name == "trajectory":
-        message.trajectory = chance.choice([[], value[:1], [*value[:-1], type(value[0])()]])
+        spoil(message.trajectory, chance)
     elif kind.startswith("sequence"):
         values = list(value)
         change = chance.randrange(4)
