@@ -25,7 +25,7 @@ from fastswing_planner.state_conversion import JointStateReader
 
 _LEASE = Duration(nanosec=200_000_000)
 _LONG_SEC = 1e6
-_ROUND_OFF = 1e-9  # [m/s]
+_ROUND_OFF = 1e-9  # [m/s], as the asking arm moves at about 1 rad/s
 
 
 def main() -> None:

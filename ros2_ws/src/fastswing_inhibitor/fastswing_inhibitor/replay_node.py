@@ -20,6 +20,8 @@ from std_srvs.srv import SetBool
 from fastswing_inhibitor.replay_clock import ReplayClock, Window, messages_in_order, window
 from fastswing_planner.bag import Bag, Topic, open_bag
 from fastswing_planner.errors import NotReady, UnknownName
+from fastswing_planner.message_definition import definition_text
+from fastswing_planner.message_schema import parse_ros2msg
 
 STATES = (
     "sensor_msgs/msg/JointState",
@@ -42,6 +44,22 @@ def chosen_topics(bag: Bag, named: list[str] | None) -> list[str]:
     if not chosen:
         raise NotReady("nothing to publish: the bag has no states; name topics with --topic")
     return chosen
+
+
+def changed_topics(bag: Bag, topics: list[str]) -> list[str]:
+    """Return those whose messages have other fields than the installed type.
+
+    Listeners would misread the recorded bytes. Raises UnknownMessageType, UndecodableMessage.
+    """
+    installed = {
+        name: parse_ros2msg(bag.topics[name].type, definition_text(bag.topics[name].type))
+        for name in topics
+    }
+    return [
+        name
+        for name, schema in installed.items()
+        if any(recorded.types != schema.types for recorded in bag.schemas(name))
+    ]
 
 
 def qos_of(topic: Topic) -> QoSProfile:
@@ -127,7 +145,15 @@ def _message_class(type_name: str) -> Any:
 def publish(options: argparse.Namespace) -> int:
     """Publish a bag until its end, SIGINT or SIGTERM; returns 0. Raises PlannerError."""
     bag = open_bag(*options.bag)
-    topics = chosen_topics(bag, options.topic)
+    chosen = chosen_topics(bag, options.topic)
+    changed = changed_topics(bag, chosen)
+    topics = [name for name in chosen if name not in changed]
+    warning = (
+        f"{', '.join(changed)} cannot be published: recorded with other fields than the installed "
+        "messages have"
+    )
+    if changed and (options.topic or not topics):
+        raise NotReady(warning)
     part = window(bag, options.start, options.duration)
     ReplayClock(0, options.rate)
     stopped: list[int] = []
@@ -149,6 +175,8 @@ def publish(options: argparse.Namespace) -> int:
 
         if not options.paused:
             node.clock.resume(time.monotonic())
+        if changed:
+            node.get_logger().warning(warning)
         node.get_logger().info(f"publishing {', '.join(topics)}")
         while not stopped:
             count = node.play(spin)

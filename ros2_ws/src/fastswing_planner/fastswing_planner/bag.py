@@ -176,6 +176,13 @@ class Bag:
         paths = [field_paths(self._schema(*found)) for found in self._channels(topic)]
         return tuple(dict.fromkeys(path for found in paths for path in found))
 
+    def schemas(self, topic: str) -> list[Schema]:
+        """Return what a topic's messages are made of, once for each file and definition.
+
+        Raises UnknownTopic, UndecodableMessage.
+        """
+        return [self._schema(file, channel) for file, channel in self._channels(topic)]
+
     def columns(
         self, topic: str, time: TimeBase = "log", fields: Sequence[str] | None = None
     ) -> Columns:

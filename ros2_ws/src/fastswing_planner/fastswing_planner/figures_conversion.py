@@ -1,23 +1,32 @@
 """Measured and predicted figures of a swing to their message."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fastswing_msgs.msg import SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_planner.arrays import Matrix
+from fastswing_planner.errors import WrongLength
 from fastswing_planner.figures import SwingFigures as Figures
 
 
 def predicted_figures(message: SwingPlanMessage) -> SwingFigures:
-    """Return a plan's figures in the form of the measured ones."""
+    """Return a plan's figures in the form of the measured ones; raises WrongLength."""
     trajectory = message.trajectory
+    steps, joints, muscles = (
+        len(names)
+        for names in (trajectory.time_from_start, message.joint_name, message.muscle_name)
+    )
+    if not steps:
+        raise WrongLength("the plan's trajectory has no step")
     return SwingFigures(
-        peak_joint_velocity=_peaks(table(trajectory.joint_velocity, len(message.joint_name))),
+        peak_joint_velocity=_peaks(table(trajectory.joint_velocity, steps, joints)),
         time_cost=message.time_cost,
-        peak_muscle_velocity=_peaks(table(trajectory.muscle_velocity, len(message.muscle_name))),
-        peak_tension=[float("nan")] * len(message.muscle_name),
+        peak_muscle_velocity=_peaks(table(trajectory.muscle_velocity, steps, muscles)),
+        peak_tension=[float("nan")] * muscles,
     )
 
 
@@ -31,9 +40,14 @@ def figures_to_message(figures: Figures) -> SwingFigures:
     )
 
 
-def table(numbers: Sequence[float], width: int) -> Matrix:
-    """Return a table of a trajectory's message, shape (k + 1, width); raises ValueError."""
-    return np.reshape(numbers, (-1, width))
+def table(numbers: Sequence[float], steps: int, width: int) -> NDArray[Any]:
+    """Return a table of a trajectory's message, shape (steps, width); raises WrongLength."""
+    if len(numbers) != steps * width:
+        raise WrongLength(
+            f"a table of the plan's trajectory has {len(numbers)} values, expected {width} for "
+            f"each of {steps} steps"
+        )
+    return np.reshape(numbers, (steps, width))
 
 
 def _peaks(values: Matrix) -> list[float]:

@@ -160,7 +160,7 @@ def plan_to_message(plan: SwingPlan) -> SwingPlanMessage:
 
 
 def plan_from_message(message: SwingPlanMessage) -> SwingPlan:
-    """Return the plan that `plan_to_message` wrote."""
+    """Return the plan that `plan_to_message` wrote; raises WrongLength if a table does not fit."""
     muscles = tuple(message.muscle_name)
     return SwingPlan(
         joint_names=tuple(message.joint_name),
@@ -174,7 +174,7 @@ def plan_from_message(message: SwingPlanMessage) -> SwingPlan:
         holding_margin=message.holding_margin,
         epsilon=message.epsilon,
         time_cost_basic=message.time_cost_basic,
-        trajectory=_trajectory(message),
+        trajectory=_trajectory_from_message(message),
         trials=tuple(_trial_from(trial, muscles) for trial in message.trials),
         proven=message.proven,
         warnings=tuple(message.warning),
@@ -214,14 +214,15 @@ def _trajectory_to_message(trajectory: Trajectory) -> SwingTrajectory:
     )
 
 
-def _trajectory(message: SwingPlanMessage) -> Trajectory:
+def _trajectory_from_message(message: SwingPlanMessage) -> Trajectory:
     tables = message.trajectory
-    joints, muscles = len(message.joint_name), len(message.muscle_name)
+    steps, joints = len(tables.time_from_start), len(message.joint_name)
+    muscles = len(message.muscle_name)
     return Trajectory(
         time=frozen(tables.time_from_start),
-        at_limit=frozen_flags(table(tables.at_limit, muscles)),
-        **{name: frozen(table(getattr(tables, name), joints)) for name in _JOINT_TABLES},
-        **{name: frozen(table(getattr(tables, name), muscles)) for name in _MUSCLE_TABLES},
+        at_limit=frozen_flags(table(tables.at_limit, steps, muscles)),
+        **{name: frozen(table(getattr(tables, name), steps, joints)) for name in _JOINT_TABLES},
+        **{name: frozen(table(getattr(tables, name), steps, muscles)) for name in _MUSCLE_TABLES},
     )
 
 

@@ -80,7 +80,8 @@ class MessageTemplate:
         """Return the message with `values`, one for each of the fields, in their order.
 
         A sequence's value has as many elements as the sequence had; an array or a list. Raises
-        ValueError for another number of values or elements.
+        ValueError for another number of values or elements, struct.error for a number that is not
+        of the field's type.
         """
         for place, value in zip(self._places, values, strict=True):
             if isinstance(place, _Scalar):

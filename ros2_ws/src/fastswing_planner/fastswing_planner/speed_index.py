@@ -56,8 +56,8 @@ def plain_speed_index(
 def greatest_moment_arm(threshold: float, velocity_limit: Vector) -> Vector:
     """Return the greatest r [m/rad], shape (m,), at which `plain_speed_index` is not above C.
 
-    threshold       C [s/rad], not negative
-    velocity_limit  l_dot^limit [m/s], shape (m,), positive
+    threshold       C [s/rad], 0 or a normal number
+    velocity_limit  l_dot^limit [m/s], shape (m,), positive and finite
     """
     # r <= C l_dot^limit; rounding may have moved the product by one number.
     arm = threshold * velocity_limit

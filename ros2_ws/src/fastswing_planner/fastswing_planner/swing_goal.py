@@ -15,7 +15,7 @@ from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.error_code import error_code, error_name
-from fastswing_planner.errors import PlannerError, SwingAborted
+from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
 from fastswing_planner.holding import Holding
@@ -77,6 +77,7 @@ class SwingGoal:
         self._deadline = np.nan
         self._states_deadline = np.nan
         self._plan: SwingPlanMessage | None = None
+        self._predicted = SwingFigures()
         self._holds: int | None = None
         self._execution: SwingExecution | None = None
         self._planning: Future | None = None
@@ -169,7 +170,9 @@ class SwingGoal:
                 )
                 self._planning = self._around.links.planner.call_async(request)
         elif self._planning.done():
-            self._plan = _answer(self._planning).plan
+            plan = _answer(self._planning).plan
+            self._predicted = _figures_of(plan)  # before anything moves
+            self._plan = plan
             self._around.links.plan.publish(self._plan)
             # From now on the wait is for the arm.
             self._deadline = now + self._around.settings.settle_limit
@@ -324,7 +327,7 @@ class SwingGoal:
         result = ExecuteSwing.Result(error_code=ErrorCode.SUCCESS)
         if self._plan is not None:
             result.plan = self._plan
-            result.predicted = predicted_figures(self._plan)
+            result.predicted = self._predicted
         if execution is not None and execution.figures is not None:
             result.measured = figures_to_message(execution.figures)
         else:
@@ -369,6 +372,13 @@ def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
     if response.error_code != ErrorCode.SUCCESS:
         raise SwingAborted(error_name(response.error_code), response.error_string)
     return response
+
+
+def _figures_of(plan: SwingPlanMessage) -> SwingFigures:
+    try:
+        return predicted_figures(plan)
+    except WrongLength as error:
+        raise SwingAborted("NOT_READY", f"the planner's answer is no plan: {error}") from error
 
 
 def _refuse_foreign_plan(plan: SwingPlanMessage, model: MuscleModel) -> None:

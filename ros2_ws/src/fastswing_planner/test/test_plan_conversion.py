@@ -20,6 +20,7 @@ from fastswing_planner.errors import (
     PlannerError,
     SwingBlocked,
     UnknownMethod,
+    WrongLength,
 )
 from fastswing_planner.figures_conversion import predicted_figures
 from fastswing_planner.mask_search import Verdict
@@ -203,6 +204,35 @@ def test_predicted_figures_are_the_trajectorys_peaks(musashi: Robot) -> None:
     figures = predicted_figures(plan_to_message(planned))
     expected = np.abs(planned.trajectory.joint_velocity).max(axis=0)
     assert list(figures.peak_joint_velocity) == expected.tolist()
+
+
+@pytest.mark.parametrize(
+    ("field", "wrong", "text"),
+    [
+        (
+            "joint_velocity",
+            [1.0],
+            "a table of the plan's trajectory has 1 values, expected 5 for each of 34 steps",
+        ),
+        ("time_from_start", [], "the plan's trajectory has no step"),
+    ],
+)
+def test_a_trajectory_that_does_not_fit_has_no_figures(
+    musashi: Robot, field: str, wrong: list[float], text: str
+) -> None:
+    message = plan_to_message(plan(musashi, Method.BASIC))
+    setattr(message.trajectory, field, wrong)
+    with pytest.raises(WrongLength) as caught:
+        predicted_figures(message)
+    assert str(caught.value) == text
+
+
+@pytest.mark.parametrize("field", list(SwingTrajectory.get_fields_and_field_types()))
+def test_a_plan_with_a_table_of_another_length_is_refused(musashi: Robot, field: str) -> None:
+    message = plan_to_message(plan(musashi, Method.BASIC))
+    setattr(message.trajectory, field, getattr(message.trajectory, field)[:-1])
+    with pytest.raises(WrongLength, match="a table of the plan's trajectory has"):
+        plan_from_message(message)
 
 
 def test_an_outcome_with_a_plan_survives_its_message(musashi: Robot) -> None:

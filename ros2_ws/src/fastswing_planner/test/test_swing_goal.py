@@ -5,7 +5,7 @@ import pytest
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.errors import SwingAborted
 from fastswing_planner.robot import Robot
-from fastswing_planner.swing_goal import _refuse_foreign_plan
+from fastswing_planner.swing_goal import _figures_of, _refuse_foreign_plan
 
 
 def test_a_plan_for_other_muscles_is_refused(musashi: Robot) -> None:
@@ -25,3 +25,12 @@ def test_a_plan_for_this_robot_is_not_refused(musashi: Robot) -> None:
     _refuse_foreign_plan(
         SwingPlan(joint_name=model.joint_names, muscle_name=model.muscle_names), model
     )
+
+
+def test_an_answer_without_trajectory_is_refused(musashi: Robot) -> None:
+    model = musashi.model
+    with pytest.raises(SwingAborted) as caught:
+        _figures_of(SwingPlan(joint_name=model.joint_names, muscle_name=model.muscle_names))
+    assert caught.value.code_name == "NOT_READY"
+    text = "the planner's answer is no plan: the plan's trajectory has no step"
+    assert str(caught.value) == text

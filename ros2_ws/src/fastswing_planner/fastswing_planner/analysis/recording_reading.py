@@ -335,7 +335,9 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
     Plans recorded before a field existed lack it or have it empty: zero.
     """
     joints, muscles = tuple(message.joint_name), tuple(message.muscle_name)
-    time, joint_velocity, muscle_velocity = _predicted(message.trajectory)
+    time, joint_velocity, muscle_velocity = _predicted(
+        message.trajectory, len(joints), len(muscles)
+    )
     kept = np.array(message.mask, dtype=bool)
     plan = RecordedPlan(
         received=received,
@@ -375,7 +377,9 @@ def _or_zeros(message: Any, name: str, muscles: Sequence[str]) -> Sequence[float
     return values if len(values) else [0.0] * len(muscles)
 
 
-def _predicted(trajectory: Any) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
+def _predicted(
+    trajectory: Any, joints: int, muscles: int
+) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
     """Return time [s] and the speeds of joints and muscles, row by row.
 
     Plans recorded before SwingTrajectory have a message for each step.
@@ -384,9 +388,15 @@ def _predicted(trajectory: Any) -> tuple[Sequence[float], Sequence[float], Seque
         return trajectory.time_from_start, trajectory.joint_velocity, trajectory.muscle_velocity
     return (
         [point.time_from_start for point in trajectory],
-        [speed for point in trajectory for speed in point.joint_velocity],
-        [speed for point in trajectory for speed in point.muscle_velocity],
+        _in_a_row([point.joint_velocity for point in trajectory], joints),
+        _in_a_row([point.muscle_velocity for point in trajectory], muscles),
     )
+
+
+def _in_a_row(rows: Sequence[Sequence[float]], width: int) -> list[float]:
+    """Return rows one behind the other; those of another length are unknown."""
+    unknown = [np.nan] * width
+    return [value for row in rows for value in (row if len(row) == width else unknown)]
 
 
 def _table(numbers: Sequence[float], steps: int, width: int) -> Matrix:

@@ -59,6 +59,18 @@ def test_a_plan_that_was_recorded_with_a_message_for_each_step_is_the_same() -> 
         assert np.array_equal(getattr(old, name), getattr(new, name))
 
 
+def test_a_step_of_another_length_is_unknown() -> None:
+    rows = ([0.0, 0.0], [1.0], [2.0, 3.0, 4.0])
+    steps = [
+        SimpleNamespace(time_from_start=time, joint_velocity=row, muscle_velocity=[5.0, 6.0])
+        for time, row in enumerate(rows)
+    ]
+    plan = recorded_plan(0.0, message(trajectory=steps))
+    expected = [[0.0, 0.0], [np.nan, np.nan], [np.nan, np.nan]]
+    assert np.array_equal(plan.joint_velocity, expected, equal_nan=True)
+    assert plan.muscle_velocity.tolist() == [[5.0, 6.0]] * 3
+
+
 def test_a_table_that_is_too_short_is_unknown() -> None:
     plan = recorded_plan(0.0, message(trajectory=trajectory(muscle_velocity=[1.0])))
     assert np.isnan(plan.muscle_velocity).all()
