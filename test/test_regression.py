@@ -45,6 +45,12 @@ def test_what_was_never_accepted_is_not_judged() -> None:
     )
 
 
+def test_where_only_p99_was_asked_for_its_ratio_counts() -> None:
+    jitter = Row("jitter", 6.0, ratio=0.7, ratio_p99=2.0, bound="p99 < 0.5 ms")
+    echo = Row("echo", 6.0, ratio=0.7, ratio_p99=2.0, bound="median <= 1.5, p99 <= 2.5")
+    assert ratios_of({"bridge": [jitter, echo]}) == {"bridge": {"jitter": 2.0, "echo": 0.7}}
+
+
 def test_worse_three_times_out_of_three_fails() -> None:
     found = still_worse(ACCEPTED, ["planner", "bags"], measuring([0.6, 0.7, 0.8], []))
     assert found == {"planner": {"plan": "ratio 0.8, accepted 0.4"}}

@@ -18,7 +18,7 @@ Ratios = Mapping[str, Mapping[str, float]]
 def ratios_of(results: Mapping[str, Iterable[Row]]) -> dict[str, dict[str, float]]:
     """Return the ratios that results tell; rows without one are left out."""
     return {
-        benchmark: {one.name: one.ratio for one in rows if one.ratio is not None}
+        benchmark: {one.name: one.guarded for one in rows if one.guarded is not None}
         for benchmark, rows in results.items()
     }
 

@@ -40,6 +40,11 @@ class Row:
     note: str = ""
     rounds: tuple[float, ...] = field(default=())
 
+    @property
+    def guarded(self) -> float | None:
+        """The ratio that must not get worse: of p99, where only p99 was asked for."""
+        return self.ratio_p99 if self.bound.startswith("p99") else self.ratio
+
 
 def in_turns(programs: Mapping[str, Program], rounds: int) -> dict[str, list[Samples]]:
     """Run the programs one after the other, again and again: A B A B.
