@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,6 +100,10 @@ class Player:
     def _on_clock(self, message: Clock) -> None:
         self.clock_ns.append(message.clock.sec * 1_000_000_000 + message.clock.nanosec)
 
+    def close(self) -> None:
+        if self.process.poll() is None:
+            self.end()
+
     def end(self) -> str:
         self.process.terminate()
         output, _ = self.process.communicate(timeout=30.0)
@@ -113,8 +119,20 @@ def suite(tmp_path: Path) -> Any:
     suite.close()
 
 
+@pytest.fixture
+def play(suite: "Suite") -> Iterator[Callable[..., Player]]:
+    with ExitStack() as players:
+
+        def begin(bag: Path, *options: str) -> Player:
+            player = Player(suite, bag, *options)
+            players.callback(player.close)
+            return player
+
+        yield begin
+
+
 def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
-    suite: "Suite", tmp_path: Path
+    suite: "Suite", play: Callable[..., Player], tmp_path: Path
 ) -> None:
     robot = load_robot(resolve_path(MUSASHI))
     states = joint_states(robot)
@@ -127,7 +145,7 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
     suite.start("inhibitor", use_sim_time=True, state_timeout=SETTINGS.state_timeout)
     suite.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
 
-    player = Player(suite, tmp_path / "states.mcap", "--paused")
+    player = play(tmp_path / "states.mcap", "--paused")
     suite.until("the paused clock", lambda: len(player.clock_ns) > 10)
     assert set(player.clock_ns) == {START_NS}
 
@@ -170,7 +188,9 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
     assert swing.end is Reason.GOAL_REACHED
 
 
-def test_rate_start_duration_and_loop_are_kept(suite: "Suite", tmp_path: Path) -> None:
+def test_rate_start_duration_and_loop_are_kept(
+    suite: "Suite", play: Callable[..., Player], tmp_path: Path
+) -> None:
     robot = load_robot(resolve_path(MUSASHI))
     bag = new_bag(tmp_path / "states.mcap")
     for time_ns, message in joint_states(robot):
@@ -181,7 +201,7 @@ def test_rate_start_duration_and_loop_are_kept(suite: "Suite", tmp_path: Path) -
         JointState, "/joint_states", lambda m: received.append(m.header.stamp.nanosec), 1000
     )
     options = ("--start", "0.1", "--duration", "0.2", "--loop", "--rate", "0.5")
-    player = Player(suite, tmp_path / "states.mcap", *options)
+    player = play(tmp_path / "states.mcap", *options)
     suite.until("three rounds", lambda: received.count(199_000_000) >= 3)
     output = player.end()
     assert player.process.returncode == 0
@@ -209,17 +229,19 @@ OLDER = (
 )
 
 
-def test_a_topic_of_an_older_type_is_left_out(suite: "Suite", tmp_path: Path) -> None:
-    player = Player(suite, bag_of_an_older_plan(tmp_path / "older.mcap"))
+def test_a_topic_of_an_older_type_is_left_out(play: Callable[..., Player], tmp_path: Path) -> None:
+    player = play(bag_of_an_older_plan(tmp_path / "older.mcap"))
     output, _ = player.process.communicate(timeout=60.0)
     assert player.process.returncode == 0
     assert OLDER in output
     assert "1 messages published" in output
 
 
-def test_a_named_topic_of_an_older_type_is_refused(suite: "Suite", tmp_path: Path) -> None:
+def test_a_named_topic_of_an_older_type_is_refused(
+    play: Callable[..., Player], tmp_path: Path
+) -> None:
     bag = bag_of_an_older_plan(tmp_path / "older.mcap")
-    player = Player(suite, bag, "--topic", "/swing_plan")
+    player = play(bag, "--topic", "/swing_plan")
     output, _ = player.process.communicate(timeout=60.0)
     assert player.process.returncode == 2
     assert OLDER in output
