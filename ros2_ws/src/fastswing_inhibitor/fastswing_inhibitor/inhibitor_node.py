@@ -293,7 +293,7 @@ class InhibitorNode(ManagedNode):
         self._status.publish(self._messages.status(header, decision, text))
 
     def _header_of_now(self) -> Header:
-        return Header(stamp=self.get_clock().now().to_msg())
+        return Header(stamp=self.stamp())
 
     def _reason_text(self, reason: Reason) -> str:
         text = _REASON_TEXTS[reason]

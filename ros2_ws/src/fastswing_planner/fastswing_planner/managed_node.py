@@ -11,6 +11,7 @@ from types import FrameType
 from typing import Any
 
 import rclpy
+from builtin_interfaces.msg import Time as Stamp
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
@@ -304,9 +305,17 @@ class ManagedNode(LifecycleNode):
         EventsExecutor of rclpy 7.1 ends the process when a callback asks for the time of receipt.
         """
         made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        return (self._now_ns() - made_ns) * 1e-9
+
+    def stamp(self) -> Stamp:
+        """Return the time on the node's clock as messages carry it."""
+        sec, nanosec = divmod(self._now_ns(), 1_000_000_000)
+        return Stamp(sec=sec, nanosec=nanosec)
+
+    def _now_ns(self) -> int:
         # Clock.now() would put the number into an object that takes longer to make than to ask for.
         now_ns: int = self._now().nanoseconds
-        return (now_ns - made_ns) * 1e-9
+        return now_ns
 
     # Diagnostics.
 
@@ -335,7 +344,7 @@ class ManagedNode(LifecycleNode):
             values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
         )
         message = DiagnosticArray(status=[status])
-        message.header.stamp = self.get_clock().now().to_msg()
+        message.header.stamp = self.stamp()
         self._diagnostics.publish(message)
 
     def greet_listeners(self) -> None:

@@ -16,7 +16,7 @@ from fastswing_msgs.msg import (
 )
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.arrays import frozen, frozen_flags
+from fastswing_planner.arrays import Vector, frozen, frozen_flags
 from fastswing_planner.error_code import error_code, error_from
 from fastswing_planner.figures_conversion import table
 from fastswing_planner.mask_search import Trial, Verdict
@@ -139,24 +139,30 @@ def request_to_message(request: SwingRequest, compare: bool) -> PlanSwing.Reques
 
 def plan_to_message(plan: SwingPlan) -> SwingPlanMessage:
     """Return the message of a plan; its stamp is left to the caller."""
-    return SwingPlanMessage(
-        method=int(plan.method),
-        joint_name=plan.joint_names,
-        start_position=plan.start.tolist(),
-        end_position=plan.end.tolist(),
-        muscle_name=plan.muscle_names,
-        mask=plan.kept.astype(np.uint8).tolist(),
-        inhibited=plan.inhibited.astype(np.uint8).tolist(),
-        **{name: getattr(plan, name).tolist() for name in _VECTORS},
-        holding_margin=plan.holding_margin,
-        epsilon=plan.epsilon,
-        time_cost=plan.time_cost,
-        time_cost_basic=plan.time_cost_basic,
-        trajectory=_trajectory_to_message(plan.trajectory),
-        trials=[_trial(trial, plan.muscle_names) for trial in plan.trials],
-        proven=plan.proven,
-        warning=list(plan.warnings),
-    )
+    message = SwingPlanMessage()
+    write_plan(plan, message)
+    return message
+
+
+def write_plan(plan: SwingPlan, message: SwingPlanMessage) -> None:
+    """Write a plan into a new message, such as that of a response; leaves its stamp as it is."""
+    message.method = int(plan.method)
+    message.joint_name = plan.joint_names
+    message.start_position = _doubles(plan.start)
+    message.end_position = _doubles(plan.end)
+    message.muscle_name = plan.muscle_names
+    message.mask = array("B", plan.kept.tobytes())
+    message.inhibited = array("B", plan.inhibited.tobytes())
+    for name in _VECTORS:
+        setattr(message, name, _doubles(getattr(plan, name)))
+    message.holding_margin = plan.holding_margin
+    message.epsilon = plan.epsilon
+    message.time_cost = plan.time_cost
+    message.time_cost_basic = plan.time_cost_basic
+    _write_trajectory(plan.trajectory, message.trajectory)
+    message.trials = [_trial(trial, plan.muscle_names) for trial in plan.trials]
+    message.proven = plan.proven
+    message.warning = list(plan.warnings)
 
 
 def plan_from_message(message: SwingPlanMessage) -> SwingPlan:
@@ -185,7 +191,7 @@ def outcome_to_message(outcome: Outcome) -> MethodOutcome:
     """Return the message of one method's outcome."""
     message = MethodOutcome(method=int(outcome.method), error_code=ErrorCode.SUCCESS)
     if outcome.plan is not None:
-        message.plan = plan_to_message(outcome.plan)
+        write_plan(outcome.plan, message.plan)
     if outcome.error is not None:
         message.error_code = error_code(outcome.error)
         message.error_string = str(outcome.error)
@@ -204,14 +210,16 @@ def _numbers(values: object) -> list[float]:
     return [float(value) for value in np.asarray(values, dtype=float).ravel()]
 
 
-def _trajectory_to_message(trajectory: Trajectory) -> SwingTrajectory:
-    tables = {name: getattr(trajectory, name) for name in (*_JOINT_TABLES, *_MUSCLE_TABLES)}
-    return SwingTrajectory(
-        time_from_start=trajectory.time.tolist(),
-        at_limit=trajectory.at_limit.ravel().tolist(),
-        # As messages store them, so that no number is looked at one by one.
-        **{name: array("d", rows.tobytes()) for name, rows in tables.items()},
-    )
+def _doubles(values: Vector) -> "array[float]":
+    """Return an array of any shape as messages store it: no number is looked at one by one."""
+    return array("d", np.asarray(values, dtype=np.float64).tobytes())
+
+
+def _write_trajectory(trajectory: Trajectory, message: SwingTrajectory) -> None:
+    message.time_from_start = _doubles(trajectory.time)
+    for name in (*_JOINT_TABLES, *_MUSCLE_TABLES):
+        setattr(message, name, _doubles(getattr(trajectory, name)))
+    message.at_limit = trajectory.at_limit.ravel().tolist()
 
 
 def _trajectory_from_message(message: SwingPlanMessage) -> Trajectory:

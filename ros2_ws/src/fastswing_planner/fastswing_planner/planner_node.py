@@ -14,8 +14,8 @@ from fastswing_planner.parameters import Parameter
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_conversion import (
     outcome_to_message,
-    plan_to_message,
     request_from_message,
+    write_plan,
 )
 from fastswing_planner.qp_solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot import load_robot
@@ -111,8 +111,8 @@ class PlannerNode(ManagedNode):
             response.error_code = error_code(error)
             response.error_string = str(error)
             return response
-        response.plan = plan_to_message(plan)
-        response.plan.header.stamp = self.get_clock().now().to_msg()
+        write_plan(plan, response.plan)
+        response.plan.header.stamp = self.stamp()
         response.error_code = ErrorCode.SUCCESS
         response.error_string = ""
         self._answered += 1

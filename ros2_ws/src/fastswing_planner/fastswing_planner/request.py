@@ -207,20 +207,22 @@ def requested_limits(
     """
     index = unique_known("muscle", constants.muscle_names, model.muscle_names)
     index = index or list(range(len(model.muscle_names)))
-    vectors = []
+    changed = {}
     for field_name, what in (
         ("velocity", "velocity_limit"),
         ("acceleration", "acceleration_limit"),
         ("tension_min", "tension_min"),
         ("tension_max", "tension_max"),
     ):
-        vector = np.array(getattr(limits, field_name))
         values = np.asarray(getattr(constants, field_name), dtype=float)
         if values.size:
             _require_size(what, values, index, constants.muscle_names)
+            vector = np.array(getattr(limits, field_name))
             vector[index] = values
-        vectors.append(vector)
-    return muscle_limits(model.muscle_names, *vectors)
+            changed[field_name] = vector
+    if not changed:
+        return limits
+    return muscle_limits(model.muscle_names, **{**vars(limits), **changed})
 
 
 def checked_threshold(value: float) -> float:
