@@ -11,8 +11,10 @@ from fastswing_inhibitor.inhibition import InhibitionSettings
 from fastswing_inhibitor.replay import WhatIf, replay
 from fastswing_inhibitor.replay_text import replay_text
 from fastswing_planner.bag import open_bag
-from fastswing_planner.errors import InvalidLimit, PlannerError
+from fastswing_planner.errors import PlannerError
+from fastswing_planner.limits import muscle_limits
 from fastswing_planner.printing import say
+from fastswing_planner.request import checked_threshold
 from fastswing_planner.robot import load_robot
 from fastswing_planner.robot_path import MUSASHI, resolve_path
 
@@ -39,13 +41,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    for name in ("threshold", "velocity_limit"):
-        value = getattr(options, name)
-        low = 0.0 if name == "threshold" else math.ulp(0.0)
-        if value is not None and not low <= value < math.inf:
-            expected = "0 or more" if name == "threshold" else "more than 0"
-            raise InvalidLimit(f"--{name.replace('_', '-')} is {value:g}, expected {expected}")
     robot = load_robot(resolve_path(options.model or options.robot))
+    if options.threshold is not None:
+        checked_threshold(options.threshold)
+    if options.velocity_limit is not None:
+        changed_limits = {**vars(robot.limits), "velocity": options.velocity_limit}
+        muscle_limits(robot.model.muscle_names, **changed_limits)
     bag = open_bag(*options.bag)
     settings = InhibitionSettings(
         **{row.name: getattr(options, row.name) for row in fields(InhibitionSettings)}

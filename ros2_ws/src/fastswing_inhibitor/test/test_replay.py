@@ -493,3 +493,31 @@ def test_a_difference_is_the_answer_of_a_what_if(tmp_path: Path, loaded: list[st
 def test_a_bag_that_agrees_passes(tmp_path: Path, loaded: list[str]) -> None:
     path = write(tmp_path / "a.mcap", straight())
     assert replay_command.main([str(path), "--robot", "/other.yaml"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "expected"),
+    [
+        (
+            "--threshold",
+            "1e300",
+            "threshold is 1e+300 s/rad, must be 0 to 1e+06: below 0 agonists would be inhibited",
+        ),
+        ("--threshold", "nan", "threshold is nan, expected a finite number"),
+        (
+            "--velocity-limit",
+            "0",
+            "velocity_limit of #1 is 0 m/s, must be positive",
+        ),
+        (
+            "--velocity-limit",
+            "1e300",
+            "velocity_limit of #1 is 1e+300 m/s, must be 0.0001 to 1000",
+        ),
+    ],
+)
+def test_a_what_if_that_no_arm_could_have_is_refused(
+    capsys: pytest.CaptureFixture[str], option: str, value: str, expected: str
+) -> None:
+    assert replay_command.main(["any.mcap", option, value]) == 2
+    assert capsys.readouterr().err == f"replay: {expected}\n"

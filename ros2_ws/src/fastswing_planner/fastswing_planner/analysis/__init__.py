@@ -1,4 +1,4 @@
 """What a recorded experiment shows: swings, figures, latencies, rates; pages and checks of them.
 
-Everything but `recording_reading` and `analyse_command` works on arrays: no ROS, no bag.
+Everything but `recording_reading`, `losses` and `analyse_command` works on arrays: no ROS, no bag.
 """

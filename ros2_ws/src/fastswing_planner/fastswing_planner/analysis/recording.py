@@ -4,12 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
 
 ZERO_CURRENT = 0
 """MODE_ZERO_CURRENT of `fastswing_msgs/MuscleState`."""
+_LARGEST = 1e6
+"""In SI units, beyond anything that an arm can do."""
 
 
 @dataclass(frozen=True)
@@ -191,3 +193,10 @@ class Recording:
     topics: tuple[TopicTimes, ...] = ()
     counters: Mapping[str, Mapping[str, int]] | None = None
     warnings: tuple[str, ...] = ()
+
+
+def plausible(values: ArrayLike) -> Matrix:
+    """Return numbers as floats; what no arm can measure, infinity included, is unknown."""
+    numbers = np.asarray(values, dtype=float)
+    beyond = ~(np.abs(numbers) <= _LARGEST)
+    return np.where(beyond, np.nan, numbers) if beyond.any() else numbers

@@ -1,14 +1,14 @@
 """Reads a bag's arms into recordings; what is kept of a long bag is little more than its swings."""
 
-import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from fastswing_planner.analysis.losses import DIAGNOSTICS, counted_losses, recorder_losses
+from fastswing_planner.analysis.recorded_plan import recorded_plan
 from fastswing_planner.analysis.recording import (
     CommandSeries,
     JointSeries,
@@ -19,6 +19,7 @@ from fastswing_planner.analysis.recording import (
     Recording,
     StatusSeries,
     TopicTimes,
+    plausible,
 )
 from fastswing_planner.analysis.swing_finding import (
     FindingSettings,
@@ -28,7 +29,6 @@ from fastswing_planner.analysis.swing_finding import (
 )
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.bag import Bag, BagError, Columns
-from fastswing_planner.bag_writer import NOTES
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 MUSCLE_STATE = "fastswing_msgs/msg/MuscleState"
@@ -36,24 +36,16 @@ OVERRIDE = "fastswing_msgs/msg/CurrentOverride"
 STATUS = "fastswing_msgs/msg/InhibitionStatus"
 COMMAND = "fastswing_msgs/msg/LengthCommand"
 PLAN = "fastswing_msgs/msg/SwingPlan"
-DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
 _STEADY = (JOINT_STATE, MUSCLE_STATE)
 _TIMED = ("fastswing_msgs/msg/TensionCommand", "fastswing_msgs/msg/CurrentCommand")
 """Of these only the times are used."""
-_METHODS = {0: "basic", 1: "inhibit", 2: "elongate", 3: "hybrid"}
 _AROUND_SEC = 0.6
 """Kept of the states before and after each fast motion; more than is shown of a swing."""
-_LARGEST = 1e6
-"""In SI units, beyond anything that an arm can do."""
 _CLOCKS_APART_SEC = 0.5
 """No message is this long on its way: its stamp and the recorder's time are of two clocks."""
-_MOST_DIGITS = 20
-"""Of a 64-bit count."""
 _UNKNOWN_MODE = 255
 """A mode that is not recorded is not zero current."""
-_COUNTED = ("rejected", "refused", "lost", "late_", "missed", "overruns", "dropped")
-"""What the names of counted losses in the diagnostics begin with."""
 
 
 class NoJointStates(BagError):
@@ -78,7 +70,7 @@ def read_recordings(source: str, bag: Bag, settings: FindingSettings) -> list[Re
         held = ", ".join(f"{one.name} ({one.type})" for one in bag.topics.values())
         raise NoJointStates(f"{source} holds no joint states ({JOINT_STATE}); it holds: {held}")
     began = bag.start_ns
-    counters, warnings = _counters(bag)
+    counters, warnings = counted_losses(bag)
     warnings += recorder_losses(bag.metadata_records)
     recordings = [
         _Arm(source, bag, namespace, began, settings).read(topic)
@@ -327,85 +319,6 @@ def clock_lead(topic: TopicTimes) -> float:
     return float(np.median(topic.received - topic.stamp))
 
 
-def recorded_plan(received: float, message: Any) -> RecordedPlan:
-    """Return a `fastswing_msgs/SwingPlan` as arrays; raises AttributeError or ValueError.
-
-    received  [s]
-
-    Plans recorded before a field existed lack it or have it empty: zero.
-    """
-    joints, muscles = tuple(message.joint_name), tuple(message.muscle_name)
-    time, joint_velocity, muscle_velocity = _predicted(
-        message.trajectory, len(joints), len(muscles)
-    )
-    kept = np.array(message.mask, dtype=bool)
-    plan = RecordedPlan(
-        received=received,
-        method=_METHODS.get(message.method, f"method {message.method}"),
-        joint_names=joints,
-        start=_plausible(message.start_position),
-        end=_plausible(message.end_position),
-        muscle_names=muscles,
-        kept=kept,
-        inhibited=np.array(_or_zeros(message, "inhibited", muscles), dtype=bool),
-        elongation=_plausible(message.elongation),
-        speed_index=_plausible(_or_zeros(message, "speed_index", muscles)),
-        time_cost=float(_plausible(message.time_cost)),
-        time=_plausible(time),
-        joint_velocity=_table(joint_velocity, len(time), len(joints)),
-        muscle_velocity=_table(muscle_velocity, len(time), len(muscles)),
-    )
-    for what, values, names in (
-        ("start_position", plan.start, joints),
-        ("end_position", plan.end, joints),
-        ("mask", plan.kept, muscles),
-        ("inhibited", plan.inhibited, muscles),
-        ("elongation", plan.elongation, muscles),
-        ("speed_index", plan.speed_index, muscles),
-    ):
-        if values.shape != (len(names),):
-            raise ValueError(f"{what} has {values.size} values for {len(names)} names")
-    if not joints:
-        raise ValueError("it names no joint")
-    if np.array_equal(plan.start, plan.end):
-        raise ValueError("it ends where it starts")
-    return plan
-
-
-def _or_zeros(message: Any, name: str, muscles: Sequence[str]) -> Sequence[float]:
-    values: Sequence[float] = getattr(message, name, ())
-    return values if len(values) else [0.0] * len(muscles)
-
-
-def _predicted(
-    trajectory: Any, joints: int, muscles: int
-) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
-    """Return time [s] and the speeds of joints and muscles, row by row.
-
-    Plans recorded before SwingTrajectory have a message for each step.
-    """
-    if hasattr(trajectory, "time_from_start"):
-        return trajectory.time_from_start, trajectory.joint_velocity, trajectory.muscle_velocity
-    return (
-        [point.time_from_start for point in trajectory],
-        _in_a_row([point.joint_velocity for point in trajectory], joints),
-        _in_a_row([point.muscle_velocity for point in trajectory], muscles),
-    )
-
-
-def _in_a_row(rows: Sequence[Sequence[float]], width: int) -> list[float]:
-    """Return rows one behind the other; those of another length are unknown."""
-    unknown = [np.nan] * width
-    return [value for row in rows for value in (row if len(row) == width else unknown)]
-
-
-def _table(numbers: Sequence[float], steps: int, width: int) -> Matrix:
-    """Return a table (steps, width); unknown if there are fewer or more numbers."""
-    if len(numbers) != steps * width:
-        return np.full((steps, width), np.nan)
-    return _plausible(np.reshape(numbers, (steps, width)))
-
-
 def _windows(
     speed: JointSpeed, status: StatusSeries | None, settings: FindingSettings
 ) -> list[tuple[float, float]]:
@@ -445,7 +358,7 @@ def _matrix(part: Columns, name: str, names: tuple[str, ...]) -> Matrix:
         and tuple(titles[0]) == names
         and bool((titles == titles[0]).all())
     ):
-        return _plausible(values)
+        return plausible(values)
     table = np.full((part.count, len(names)), np.nan)
     place = {title: column for column, title in enumerate(names)}
     for row, (keys, numbers) in enumerate(zip(titles, values, strict=True)):
@@ -453,14 +366,7 @@ def _matrix(part: Columns, name: str, names: tuple[str, ...]) -> Matrix:
             for key, number in zip(keys, numbers, strict=True):
                 if key in place:
                     table[row, place[key]] = number
-    return _plausible(table)
-
-
-def _plausible(values: ArrayLike) -> Matrix:
-    """Return numbers as floats; what no arm can measure, infinity included, is unknown."""
-    numbers = np.asarray(values, dtype=float)
-    beyond = ~(np.abs(numbers) <= _LARGEST)
-    return np.where(beyond, np.nan, numbers) if beyond.any() else numbers
+    return plausible(table)
 
 
 def _times(bag: Bag, topics: Sequence[str], began_ns: int) -> list[TopicTimes]:
@@ -477,70 +383,3 @@ def _times(bag: Bag, topics: Sequence[str], began_ns: int) -> list[TopicTimes]:
             )
         )
     return found
-
-
-def recorder_losses(records: Sequence[tuple[Path, str, Mapping[str, str]]]) -> list[str]:
-    """Return what the recorder itself says it lost, a line for each topic and file.
-
-    records  file, name and content of a bag's metadata
-    """
-    lines = []
-    for path, name, content in records:
-        if name != NOTES:
-            continue
-        try:
-            told = json.loads(content.get("lost", "{}"))
-            counts = [(str(topic), int(count)) for topic, count in told.items()]
-        except (ValueError, TypeError, AttributeError):
-            lines.append(f"{path.name}: what the recorder says of its losses cannot be read")
-            continue
-        lines += [
-            f"the recorder lost {count} messages of {topic}" for topic, count in counts if count
-        ]
-    return lines
-
-
-def _counters(bag: Bag) -> tuple[dict[str, dict[str, int]], list[str]]:
-    """Return by how much the nodes' counts of rejections and losses rose, and what went wrong.
-
-    A count that falls belongs to a node that began anew.
-    """
-    risen: dict[str, dict[str, int]] = {}
-    last: dict[tuple[str, str], int] = {}
-    warnings: list[str] = []
-    for topic in bag.topics_of_type(DIAGNOSTICS):
-        try:
-            for _, message in bag.messages(topic):
-                for status in message.status:
-                    counts = {
-                        pair.key: int(pair.value)
-                        for pair in status.values
-                        if pair.key.startswith(_COUNTED) and _is_count(pair.value)
-                    }
-                    _count(risen, last, status.name, counts)
-        except BagError as error:
-            warnings.append(str(error))
-    return {node: counts for node, counts in risen.items() if counts}, warnings
-
-
-def _is_count(text: str) -> bool:
-    """Return whether a text is a number of 64 bits as nodes write it; '²' is a digit, too."""
-    return text.isascii() and text.isdecimal() and len(text) <= _MOST_DIGITS
-
-
-def _count(
-    risen: dict[str, dict[str, int]],
-    last: dict[tuple[str, str], int],
-    node: str,
-    counts: Mapping[str, int],
-) -> None:
-    """Add what rose since the node's last report; its first one is where counting begins."""
-    first = node not in risen
-    total = risen.setdefault(node, {})
-    for name, value in counts.items():
-        # A count that appears later was zero before.
-        known = last.get((node, name), value if first else 0)
-        rise = value - known if value >= known else value
-        last[node, name] = value
-        if rise:
-            total[name] = total.get(name, 0) + rise

@@ -17,8 +17,8 @@ from std_msgs.msg import Header, String
 
 from fastswing_msgs.msg import CurrentCommand, InhibitionStatus, SwingPlan, TensionCommand
 from fastswing_planner.analysis.analyse_command import main
+from fastswing_planner.analysis.losses import recorder_losses
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.analysis.recording_reading import recorder_losses
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.message_definition import definition_text

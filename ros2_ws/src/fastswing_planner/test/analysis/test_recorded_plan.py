@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fastswing_planner.analysis.recording_reading import recorded_plan
+from fastswing_planner.analysis.recorded_plan import recorded_plan
 
 
 def trajectory(**changes: Any) -> SimpleNamespace:
