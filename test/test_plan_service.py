@@ -89,6 +89,14 @@ def test_the_masked_muscles_are_the_papers(
     assert sorted(masked) == sorted(inhibited + elongated)
 
 
+def test_a_plan_has_the_time_of_its_answer(lone_planner: "Suite") -> None:
+    before = lone_planner.now().stamp
+    made = plan(lone_planner, BASIC).header.stamp
+    after = lone_planner.now().stamp
+    times = [stamp.sec * 1_000_000_000 + stamp.nanosec for stamp in (before, made, after)]
+    assert times == sorted(times)
+
+
 def test_method_2_takes_less_time_than_basic(lone_planner: "Suite") -> None:
     answer = plan(lone_planner, METHOD_2)
     assert (answer.time_cost, answer.time_cost_basic) == pytest.approx((0.78, 0.99))

@@ -32,10 +32,12 @@ from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.bag import open_bag
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.limits import muscle_limits
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.muscle_model import Payload
 
 LIMIT = frozen([0.3, 0.25, 0.2])
+LIMITS = muscle_limits(("m0", "m1", "m2"), LIMIT, 1.0, 0.0, 100.0)
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 5_000_000
 TYPES = {
@@ -462,7 +464,7 @@ def loaded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def load(path: Path) -> Any:
         names.append(path.name)
-        return SimpleNamespace(model=BentArm(), limits=SimpleNamespace(velocity=LIMIT))
+        return SimpleNamespace(model=BentArm(), limits=LIMITS)
 
     monkeypatch.setattr(replay_command, "load_robot", load)
     monkeypatch.setattr(replay_command, "resolve_path", Path)
@@ -488,6 +490,23 @@ def test_a_difference_fails_the_verification_of_any_robot(
 def test_a_difference_is_the_answer_of_a_what_if(tmp_path: Path, loaded: list[str]) -> None:
     assert replay_command.main([spoilt(tmp_path), "--model", "/other.yaml"]) == 0
     assert loaded == ["other.yaml"]
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "title"),
+    [("--threshold", "0.5", "C 0.5 s/rad"), ("--velocity-limit", "0.1", "C 0 s/rad")],
+)
+def test_a_what_if_takes_another_number(
+    tmp_path: Path,
+    loaded: list[str],
+    capsys: pytest.CaptureFixture[str],
+    option: str,
+    value: str,
+    title: str,
+) -> None:
+    path = write(tmp_path / "a.mcap", straight())
+    assert replay_command.main([str(path), "--robot", "/other.yaml", option, value]) == 0
+    assert title in capsys.readouterr().out
 
 
 def test_a_bag_that_agrees_passes(tmp_path: Path, loaded: list[str]) -> None:

@@ -16,7 +16,7 @@ from fastswing_planner.errors import (
 from fastswing_planner.holding import Holding, hold
 from fastswing_planner.holding_margin import holding_margin
 from fastswing_planner.known_swings import KnownSwings
-from fastswing_planner.limits import MuscleLimits
+from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.mask_search import (
     Candidate,
     MaskSearch,
@@ -112,9 +112,13 @@ class SwingPlanner:
     """Plans swings of one arm."""
 
     def __init__(self, model: MuscleModel, limits: MuscleLimits, solver: QpSolver) -> None:
-        """Plan with the arm's own limits unless a request says otherwise."""
+        """Plan with the arm's own limits unless a request says otherwise.
+
+        Raises InvalidLimit, InvalidTensionRange or NotFinite for limits that make no sense.
+        """
         self._model = model
-        self._limits = limits
+        # Once: requests that change none of them are planned without another look.
+        self._limits = muscle_limits(model.muscle_names, **vars(limits))
         self._solver = solver
 
     def hold(

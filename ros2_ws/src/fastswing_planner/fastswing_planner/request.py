@@ -203,6 +203,8 @@ def requested_limits(
 ) -> MuscleLimits:
     """Return the robot's limits with the requested constants in their place.
 
+    limits  as `muscle_limits` made them; returned as they are if nothing else is requested
+
     Raises UnknownName, DuplicateName, WrongLength, NotFinite, InvalidLimit or InvalidTensionRange.
     """
     index = unique_known("muscle", constants.muscle_names, model.muscle_names)

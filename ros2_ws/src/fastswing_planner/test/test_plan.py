@@ -12,6 +12,7 @@ from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import (
     HoldingInfeasible,
     InvalidLimit,
+    NotFinite,
     SingularJacobian,
     StartEqualsEnd,
     SwingBlocked,
@@ -335,6 +336,12 @@ def test_a_search_out_of_time_is_warned_of(musashi: Robot) -> None:
     assert planner.plan(request, lambda: float(next(ticks))).warnings == (
         "the search ended at its time limit: a better mask may exist",
     )
+
+
+def test_a_planner_takes_no_limits_that_make_no_sense(musashi: Robot) -> None:
+    limits = replace(musashi.limits, velocity=np.full(10, np.nan))
+    with pytest.raises(NotFinite, match=r"^velocity_limit of #1 is nan, expected a finite number$"):
+        SwingPlanner(musashi.model, limits, ProxSuiteSolver())
 
 
 def test_a_time_limit_needs_a_clock(musashi: Robot) -> None:

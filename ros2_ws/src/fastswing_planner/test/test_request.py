@@ -36,6 +36,7 @@ from fastswing_planner.request import (
     SwingRequest,
     checked_task,
     choice_from,
+    requested_limits,
 )
 from fastswing_planner.robot import Robot
 
@@ -386,3 +387,8 @@ def test_a_number_without_a_name_is_internal(number: int) -> None:
 def test_every_wrong_request_names_its_own_code() -> None:
     for _, error, _ in WRONG.values():
         assert error.code_name not in ("INTERNAL", "INVALID_REQUEST")
+
+
+def test_a_request_without_limits_keeps_the_robots(musashi: Robot) -> None:
+    constants = MuscleConstants(["#9"], holding_weight=[2.0])
+    assert requested_limits(musashi.model, musashi.limits, constants) is musashi.limits

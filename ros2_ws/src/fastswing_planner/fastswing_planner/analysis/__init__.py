@@ -1,4 +1,5 @@
 """What a recorded experiment shows: swings, figures, latencies, rates; pages and checks of them.
 
-Everything but `recording_reading`, `losses` and `analyse_command` works on arrays: no ROS, no bag.
+Only `recording_reading`, `recorded_plan`, `losses` and `analyse_command` know messages or bags; all
+else works on arrays.
 """
