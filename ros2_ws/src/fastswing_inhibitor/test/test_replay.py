@@ -493,20 +493,27 @@ def test_a_difference_is_the_answer_of_a_what_if(tmp_path: Path, loaded: list[st
 
 
 @pytest.mark.parametrize(
-    ("option", "value", "title"),
-    [("--threshold", "0.5", "C 0.5 s/rad"), ("--velocity-limit", "0.1", "C 0 s/rad")],
+    ("option", "value", "changed", "same"),
+    [
+        ("--threshold", "0.5", "C 0.5 s/rad", 17),
+        ("--velocity-limit", "0.1", "velocity limit 0.1 m/s", 0),
+    ],
 )
-def test_a_what_if_takes_another_number(
+def test_a_what_if_with_another_number_tells_how_many_decisions_stay(
     tmp_path: Path,
     loaded: list[str],
     capsys: pytest.CaptureFixture[str],
     option: str,
     value: str,
-    title: str,
+    changed: str,
+    same: int,
 ) -> None:
     path = write(tmp_path / "a.mcap", straight())
     assert replay_command.main([str(path), "--robot", "/other.yaml", option, value]) == 0
-    assert title in capsys.readouterr().out
+    assert capsys.readouterr().out.splitlines()[:2] == [
+        f"what if: {changed}",
+        f"swing 1 at 0.000 s, C 0 s/rad: 20 decisions, {same} as published",
+    ]
 
 
 def test_a_bag_that_agrees_passes(tmp_path: Path, loaded: list[str]) -> None:
