@@ -18,8 +18,8 @@ from fastswing_planner.analysis.swing_drawing import (
     legend_handles,
     muscle_styles,
 )
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 TITLES = {"basic": "Basic", "method_1": "Method 1", "method_2": "Method 2"}
 _PREPARED = {"method_1": "zero current: ", "method_2": "paid out before: "}

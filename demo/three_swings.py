@@ -30,8 +30,8 @@ from report import draw_swing, table_text, write_report
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingFigures, SwingOptions
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from fastswing_planner.swing_execution import Phase
 
 METHODS = {

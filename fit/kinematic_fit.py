@@ -32,11 +32,11 @@ from swing_targets import (
     travel_arms,
 )
 
-from fastswing_planner.mujoco_model import MujocoMuscleModel
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, SwingRequest
-from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
 from fastswing_planner.swing import SwingSettings
 
 REPOSITORY = Path(__file__).resolve().parents[1]

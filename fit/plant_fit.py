@@ -25,7 +25,7 @@ from fastswing_planner.errors import SwingAborted
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, SwingRequest
-from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.swing_execution import ExecutionSettings
 
 SIGMA = 0.05

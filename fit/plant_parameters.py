@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 
 Vector = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from robot_targets import swing_outcome
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from fastswing_planner.swing_execution import ExecutionSettings
 
 IMAGE = REPOSITORY / "docs/images/back_drivability.png"

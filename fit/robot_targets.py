@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from fastswing_planner.errors import SwingAborted
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.request import Method
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop
 from musashi_muscle_bridge.protocol import Mode

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.errors import SolverFailed, SwingBlocked
-from fastswing_planner.limits import MuscleLimits
-from fastswing_planner.mujoco_model import MujocoMuscleModel
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method
+from fastswing_planner.robot.limits import MuscleLimits
+from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
 from fastswing_planner.speed_index import swing_speed_index
 from fastswing_planner.swing import SwingSettings, Trajectory, simulate_swing
 

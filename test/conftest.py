@@ -36,8 +36,8 @@ from std_srvs.srv import Trigger
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, LengthCommand, MuscleState
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from test.launch_rehearsal import programs
 
 ROOT = Path(__file__).parents[1]

@@ -31,9 +31,9 @@ from fastswing_planner.errors import (
     WrongLength,
 )
 from fastswing_planner.mask_search import Verdict
-from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import SwingPlan
 from fastswing_planner.request import Method, MuscleConstants, Search
+from fastswing_planner.robot.muscle_model import Payload
 from fastswing_planner.swing import SwingSettings
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from rcl_interfaces.srv import DescribeParameters, SetParameters
 from rclpy.parameter import Parameter
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.robot_path import MUSASHI
+from fastswing_planner.robot.path import MUSASHI
 
 if TYPE_CHECKING:
     from test.conftest import Suite

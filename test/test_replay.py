@@ -27,8 +27,8 @@ from fastswing_planner.bag import open_bag
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.message_definition import definition_text
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 if TYPE_CHECKING:
     from test.conftest import Suite

@@ -41,8 +41,8 @@ SWING = """
 import rclpy
 from rclpy.action import ActionClient
 from fastswing_msgs.action import ExecuteSwing
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 rclpy.init()
 node = rclpy.create_node("task")

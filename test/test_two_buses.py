@@ -15,7 +15,7 @@ import yaml
 from processes import free_udp_port
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 if TYPE_CHECKING:
     from test.conftest import Suite

@@ -26,8 +26,8 @@ from fastswing_planner.analysis.recording_reading import read_recordings
 from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.bag import open_bag
 from fastswing_planner.message_definition import definition_text
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 QUESTION = "What does a message of a bag cost to read, write, analyse and replay, beside others?"
 READ, WRITTEN, GROWN = "/muscle_state", "/muscle_state", "/joint_states"

@@ -15,7 +15,7 @@ from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.message_definition import definition_text
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 
 TOPICS = {
     "/joint_states": "sensor_msgs/msg/JointState",

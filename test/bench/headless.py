@@ -14,8 +14,8 @@ from rounds import Row, Samples, in_turns, row
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import solver_from
 from fastswing_planner.request import Method, SwingRequest
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from fastswing_planner.swing_execution import ExecutionSettings
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.closed_loop import ClosedLoop

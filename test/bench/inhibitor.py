@@ -35,8 +35,8 @@ from rounds import Row
 
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import ArmInhibitor
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 QUESTION = "How long from a joint state to its override, beside an echo in C?"
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from qpsolvers import solve_qp
 from scipy.optimize import lsq_linear
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 
 Array = NDArray[np.float64]
 EPSILON, MOST_STEPS, MOST_FACES = 0.01, 400, 5000

@@ -30,8 +30,8 @@ from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_conversion import plan_to_message
 from fastswing_planner.qp_solvers import SOLVERS, solver_from
 from fastswing_planner.request import Method, Search, SwingRequest
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from fastswing_planner.swing import SwingSettings
 
 QUESTION = "What does a plan cost, through the service too, and how does it grow with the arm?"
@@ -48,7 +48,7 @@ from pathlib import Path
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.qp_solvers import solver_from
 from fastswing_planner.request import SwingRequest
-from fastswing_planner.robot import load_robot
+from fastswing_planner.robot.description import load_robot
 robot = load_robot(Path(sys.argv[1]))
 planner = SwingPlanner(robot.model, robot.limits, solver_from(sys.argv[2]))
 begin = time.perf_counter()

@@ -32,8 +32,8 @@ from fastswing_msgs.msg import LengthCommand
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.bag import open_bag
 from fastswing_planner.posture import encoder_lengths
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.protocol import COMMAND_ROW
 
 QUESTION = (

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from followed_page import FollowedPage, read_page
 
-from fastswing_planner.robot import load_robot
+from fastswing_planner.robot.description import load_robot
 
 PAGE = read_page("bring_your_own_arm.md")
 pytestmark = pytest.mark.system

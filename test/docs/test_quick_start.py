@@ -8,8 +8,8 @@ from followed_page import DOCS, read_page
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_planner.request import Method
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 PAGE = read_page("quick_start.md")
 

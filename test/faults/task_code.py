@@ -12,8 +12,8 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import SwingOptions
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 
 def main(swings: bool) -> None:

@@ -24,8 +24,8 @@ from std_srvs.srv import Trigger
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import MuscleState, SwingOptions
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 _PERIOD_SEC = 0.02
 _GRAPH_PERIOD_SEC = 0.25

@@ -29,8 +29,8 @@ from std_srvs.srv import Trigger
 from three_swings import Client
 
 from fastswing_msgs.msg import ErrorCode, SwingOptions
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 METHODS = {
     "basic": SwingOptions.METHOD_BASIC,

@@ -33,8 +33,8 @@ from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.request import checked_threshold, posture
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.state_conversion import JointStateReader, RejectionCounter
 
 _MORE_RELEASES = 2

@@ -25,7 +25,7 @@ from fastswing_planner.bag import Bag
 from fastswing_planner.bag_errors import BagError
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.message_columns import Column
-from fastswing_planner.muscle_model import MuscleModel
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"
 OVERRIDE_TYPE = "fastswing_msgs/msg/CurrentOverride"

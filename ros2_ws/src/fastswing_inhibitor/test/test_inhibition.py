@@ -19,7 +19,7 @@ from fastswing_inhibitor.inhibition import (
 )
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
-from fastswing_planner.muscle_model import Payload
+from fastswing_planner.robot.muscle_model import Payload
 
 # Muscle 0 resists joint 0 going up, 1 helps it; 2 and 3 do so for joint 1.
 JACOBIAN = np.array([[0.06, 0.0], [-0.06, 0.0], [0.0, 0.03], [0.0, -0.03]])

@@ -16,7 +16,7 @@ from fastswing_inhibitor.inhibition import (
 )
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import NotReady, StaleState
-from fastswing_planner.muscle_model import Payload
+from fastswing_planner.robot.muscle_model import Payload
 
 JACOBIAN = frozen([[0.06], [-0.06]])
 SETTINGS = InhibitionSettings()

@@ -32,9 +32,9 @@ from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.bag import open_bag
 from fastswing_planner.bag_metadata import BagTopic
 from fastswing_planner.bag_writer import BagWriter
-from fastswing_planner.limits import muscle_limits
 from fastswing_planner.message_definition import definition_text
-from fastswing_planner.muscle_model import Payload
+from fastswing_planner.robot.limits import muscle_limits
+from fastswing_planner.robot.muscle_model import Payload
 
 LIMIT = frozen([0.3, 0.25, 0.2])
 LIMITS = muscle_limits(("m0", "m1", "m2"), LIMIT, 1.0, 0.0, 100.0)

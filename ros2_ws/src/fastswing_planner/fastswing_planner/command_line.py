@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from fastswing_planner.errors import UnknownName
 from fastswing_planner.request import Method
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 
 _NEGATIVE = re.compile(r"^-[0-9.][0-9.,eE+-]*$")
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
-from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.ramp import velocity_bounds
+from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.swing import Trajectory
 
 

@@ -22,8 +22,8 @@ from fastswing_planner.qp_solvers import solver_from
 from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.rest import RestWatch
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.state_conversion import (
     JointStateReader,
     MuscleStateReader,

@@ -12,17 +12,17 @@ import yaml
 from fastswing_planner.arrays import Matrix
 from fastswing_planner.bag import open_bag
 from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
-from fastswing_planner.learned_model import mjcf_hash
-from fastswing_planner.length_correction import (
+from fastswing_planner.muscle_samples import MuscleSamples, muscle_samples
+from fastswing_planner.printing import say
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.learned_model import mjcf_hash
+from fastswing_planner.robot.length_correction import (
     LengthCorrection,
     fit_correction,
     save_correction,
 )
-from fastswing_planner.mujoco_model import MujocoMuscleModel
-from fastswing_planner.muscle_samples import MuscleSamples, muscle_samples
-from fastswing_planner.printing import say
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

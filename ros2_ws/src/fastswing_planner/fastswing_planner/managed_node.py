@@ -30,7 +30,7 @@ from fastswing_planner.real_time import (
     keep_what_there_is,
     tighten_timers,
 )
-from fastswing_planner.robot_path import MUSASHI
+from fastswing_planner.robot.path import MUSASHI
 
 AUTOSTART = Parameter(
     "autostart",

@@ -8,9 +8,9 @@ import numpy as np
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.bag import Bag
 from fastswing_planner.bag_errors import BagError
-from fastswing_planner.length_correction import BoolMatrix
 from fastswing_planner.message_columns import Columns
-from fastswing_planner.muscle_model import MuscleModel
+from fastswing_planner.robot.length_correction import BoolMatrix
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 _JOINTS = "sensor_msgs/msg/JointState"
 _MUSCLES = "fastswing_msgs/msg/MuscleState"

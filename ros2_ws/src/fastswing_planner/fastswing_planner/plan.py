@@ -16,7 +16,6 @@ from fastswing_planner.errors import (
 from fastswing_planner.holding import Holding, hold
 from fastswing_planner.holding_margin import holding_margin
 from fastswing_planner.known_swings import KnownSwings
-from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.mask_search import (
     Candidate,
     MaskSearch,
@@ -24,9 +23,10 @@ from fastswing_planner.mask_search import (
     Trial,
     antagonists,
 )
-from fastswing_planner.muscle_model import MuscleModel, Payload
 from fastswing_planner.qp import QpSolver
 from fastswing_planner.request import Method, Search, SwingRequest, SwingTask, checked_task
+from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
+from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 from fastswing_planner.speed_index import swing_speed_index
 from fastswing_planner.swing import Trajectory, simulate_swing
 

@@ -17,7 +17,6 @@ from fastswing_planner.errors import (
     RobotDescriptionError,
     WrongLength,
 )
-from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
 from fastswing_planner.printing import say
@@ -29,8 +28,9 @@ from fastswing_planner.request import (
     SwingRequest,
     requested_limits,
 )
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.muscle_model import Payload
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from fastswing_planner.swing import SwingSettings
 
 _PICTURES = (".png", ".svg", ".pdf")

@@ -20,7 +20,6 @@ from fastswing_planner.arrays import Vector, frozen, frozen_flags
 from fastswing_planner.error_code import error_code, error_from
 from fastswing_planner.figures_conversion import table
 from fastswing_planner.mask_search import Trial, Verdict
-from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import Outcome, SwingPlan
 from fastswing_planner.request import (
     Method,
@@ -29,6 +28,7 @@ from fastswing_planner.request import (
     SwingRequest,
     choice_from,
 )
+from fastswing_planner.robot.muscle_model import Payload
 from fastswing_planner.swing import SwingSettings, Trajectory
 
 _VERDICTS = {

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fastswing_planner.limits import MuscleLimits
 from fastswing_planner.plan import Outcome, SwingPlan
+from fastswing_planner.robot.limits import MuscleLimits
 
 
 def save_plan_picture(

@@ -18,8 +18,8 @@ from fastswing_planner.plan_conversion import (
     write_plan,
 )
 from fastswing_planner.qp_solvers import DEFAULT_SOLVER, SOLVERS, solver_from
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.swing import SETTING_RANGES, SwingSettings
 
 _SETTINGS = SwingSettings()

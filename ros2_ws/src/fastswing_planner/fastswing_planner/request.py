@@ -26,8 +26,8 @@ from fastswing_planner.errors import (
     UnknownMethod,
     WrongLength,
 )
-from fastswing_planner.limits import MuscleLimits, muscle_limits
-from fastswing_planner.muscle_model import MuscleModel, Payload
+from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
+from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 from fastswing_planner.swing import SwingSettings
 
 _LARGEST_POSITION = 1000.0  # [rad] of a joint without limits

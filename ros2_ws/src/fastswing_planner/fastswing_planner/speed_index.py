@@ -7,7 +7,7 @@ import numpy as np
 
 from fastswing_planner.arrays import Matrix, Vector, made_frozen
 from fastswing_planner.errors import StartEqualsEnd
-from fastswing_planner.muscle_model import SMALLEST_MOMENT_ARM, MuscleModel
+from fastswing_planner.robot.muscle_model import SMALLEST_MOMENT_ARM, MuscleModel
 
 
 def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:

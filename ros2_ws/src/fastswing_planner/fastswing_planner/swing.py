@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector, contiguous, frozen, frozen_flags
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
-from fastswing_planner.limits import MuscleLimits
-from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.qp import QpSolver, QuadraticProgram, series
 from fastswing_planner.ramp import ramp_bounds
+from fastswing_planner.robot.limits import MuscleLimits
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 # The QP's rows are scaled by this, which brings their numbers near one.
 _ARM_UNIT = 0.04  # [m/rad]

@@ -15,10 +15,10 @@ from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import InvalidLimit, SwingAborted
 from fastswing_planner.figures import SwingFigures, SwingMeasurement
 from fastswing_planner.holding import Holding
-from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.posture import PosturePath, encoder_lengths, posture_path, smooth_fraction
 from fastswing_planner.request import Method
 from fastswing_planner.rest import RestWatch
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 
 class Phase(IntEnum):

@@ -19,11 +19,11 @@ from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
 from fastswing_planner.holding import Holding
-from fastswing_planner.muscle_model import MuscleModel, Payload
 from fastswing_planner.plan_conversion import payload_from_options
 from fastswing_planner.request import Method
 from fastswing_planner.rest import RestWatch
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
     InhibitionReport,

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import BoolVector
 from fastswing_planner.known_swings import KnownSwings
-from fastswing_planner.limits import muscle_limits
-from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.qp_solvers import SOLVERS, solver_from
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.limits import muscle_limits
+from fastswing_planner.robot.muscle_model import MuscleModel
 from fastswing_planner.swing import SwingSettings, Trajectory, shared_step_count, simulate_swing
 
 MUSCLES = 7

@@ -12,7 +12,7 @@ import pytest
 from ament_index_python.packages import get_package_share_directory
 
 from fastswing_planner.record_node import TYPES, message_class
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 
 LAYOUTS = Path(get_package_share_directory("fastswing_planner")) / "layouts"
 FIELD = re.compile(r"/(?P<topic>\w+)(?:[./](?P<field>\w+)(?:\[(?P<index>\d+)\])?)?")

@@ -9,8 +9,8 @@ from bag_builder import HEADER, START, TIME, Builder, joint_state, stamp
 from mcap_ros2._dynamic import serialize_dynamic
 
 from fastswing_planner.bag import open_bag
-from fastswing_planner.muscle_model import MuscleModel
 from fastswing_planner.muscle_samples import muscle_samples
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 NAME = "fastswing_msgs/msg/MuscleState"
 TEXT = f"std_msgs/Header header\nstring[] name\nfloat64[] length\nfloat64[] tension\n{HEADER}{TIME}"

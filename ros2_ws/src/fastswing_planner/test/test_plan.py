@@ -17,13 +17,13 @@ from fastswing_planner.errors import (
     StartEqualsEnd,
     SwingBlocked,
 )
-from fastswing_planner.limits import MuscleLimits, muscle_limits
 from fastswing_planner.mask_search import Verdict
-from fastswing_planner.muscle_model import MuscleModel, Payload
 from fastswing_planner.plan import Outcome, SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, MuscleConstants, Search, SwingRequest
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
+from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 from fastswing_planner.swing import SwingSettings
 
 ELBOW = 3

@@ -24,7 +24,6 @@ from fastswing_planner.errors import (
 )
 from fastswing_planner.figures_conversion import predicted_figures
 from fastswing_planner.mask_search import Verdict
-from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import Outcome, SwingPlan, SwingPlanner
 from fastswing_planner.plan_conversion import (
     outcome_from_message,
@@ -36,7 +35,8 @@ from fastswing_planner.plan_conversion import (
 )
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, MuscleConstants, Search, SwingRequest
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.muscle_model import Payload
 from fastswing_planner.swing import SETTING_RANGES, SwingSettings
 
 OWN = SwingSettings(0.02, 0.05, 77)

@@ -26,7 +26,6 @@ from fastswing_planner.errors import (
     UnknownName,
     WrongLength,
 )
-from fastswing_planner.muscle_model import Payload
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import (
@@ -38,7 +37,8 @@ from fastswing_planner.request import (
     choice_from,
     requested_limits,
 )
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.muscle_model import Payload
 
 NAN, INF = float("nan"), float("inf")
 JOINT_LIST = "S-p, S-r, S-y, E-p, E-y"

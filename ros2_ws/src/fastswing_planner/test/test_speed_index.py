@@ -11,8 +11,8 @@ from hypothesis.extra.numpy import arrays
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import StartEqualsEnd
-from fastswing_planner.muscle_model import MuscleModel
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.muscle_model import MuscleModel
 from fastswing_planner.speed_index import (
     greatest_moment_arm,
     moment_arm,

@@ -4,7 +4,7 @@ import pytest
 
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.errors import SwingAborted
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from fastswing_planner.swing_goal import _figures_of, _refuse_foreign_plan
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, constant
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.plant import Drive, Plant
 from musashi_muscle_bridge.plant_constants import plant_constants
 from musashi_muscle_bridge.protocol import (

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector
-from fastswing_planner.board_groups import BoardGroup
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.board_groups import BoardGroup
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.arbiter import Setpoints
 from musashi_muscle_bridge.errors import FrameError
 from musashi_muscle_bridge.protocol import (

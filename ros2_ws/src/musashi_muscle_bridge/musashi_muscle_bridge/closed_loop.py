@@ -22,7 +22,7 @@ from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.request import SwingRequest
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from fastswing_planner.swing_execution import (
     ExecutionSettings,
     InhibitionReport,

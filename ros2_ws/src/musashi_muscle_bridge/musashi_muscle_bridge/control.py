@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from fastswing_planner.board_groups import whole_robot
-from fastswing_planner.muscle_model import MuscleModel
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.board_groups import whole_robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.muscle_model import MuscleModel
 from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits
 from musashi_muscle_bridge.board_group import GroupControl
 from musashi_muscle_bridge.protocol import (

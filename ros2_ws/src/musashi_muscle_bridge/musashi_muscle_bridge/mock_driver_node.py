@@ -14,8 +14,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.board_log import BoardLog
 from musashi_muscle_bridge.bus import group_urls, open_all, open_board_port

@@ -19,8 +19,8 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, MuscleState
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, run
 from fastswing_planner.parameters import Parameter
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.dashboard import (
     FEEDBACK,
     INHIBITION,

@@ -13,8 +13,8 @@ from fastswing_msgs.msg import MuscleState
 from fastswing_planner.errors import InvalidRequest
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, run
 from fastswing_planner.parameters import InvalidParameter, Parameter
-from fastswing_planner.robot import load_robot
-from fastswing_planner.robot_path import resolve_path
+from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.state_conversion import (
     JointStateReader,
     MuscleStateReader,

@@ -9,8 +9,8 @@ from fastswing_planner.errors import PlannerError
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import solver_from
 from fastswing_planner.request import Method, SwingRequest
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop, Sample
 from musashi_muscle_bridge.swing_video import Camera, Picture, frames_of, write_video

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 import mujoco
 
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.mujoco_model import load_mjcf
 from fastswing_planner.request import Method
-from fastswing_planner.robot import Robot, load_robot
-from fastswing_planner.robot_path import MUSASHI, resolve_path
+from fastswing_planner.robot.description import Robot, load_robot
+from fastswing_planner.robot.mujoco_model import load_mjcf
+from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.simulate_swing import simulated_swing
 from musashi_muscle_bridge.swing_video import VideoError, frames_of
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot.description import Robot, load_robot
 
 DESCRIPTION = Path(__file__).parents[1] / "description" / "musashi_left_arm.yaml"
 

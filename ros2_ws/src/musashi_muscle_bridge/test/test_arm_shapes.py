@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.mujoco_model import load_mjcf
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.mujoco_model import load_mjcf
 from musashi_muscle_bridge.arm_shapes import ArmShapes, Form
 from musashi_muscle_bridge.muscle_lines import path_length
 from musashi_muscle_bridge.wrapped_path import wrapped_arc

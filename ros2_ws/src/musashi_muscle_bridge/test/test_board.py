@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.protocol import COMMAND_ROW, CommandFrame, Fault, Mode, WatchdogAction
 

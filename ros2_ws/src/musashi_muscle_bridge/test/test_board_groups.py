@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fastswing_planner.board_groups import BoardGroup
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.board_groups import BoardGroup
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.control import ControlPeriod, command_limits

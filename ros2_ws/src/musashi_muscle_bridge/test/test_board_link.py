@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.protocol import (

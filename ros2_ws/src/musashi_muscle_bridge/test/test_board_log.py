@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fastswing_planner.parameters import InvalidParameter
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_log import BoardLog
 from musashi_muscle_bridge.emulated_bus import Served

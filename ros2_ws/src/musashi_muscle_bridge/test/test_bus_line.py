@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.bus_line import BusLine

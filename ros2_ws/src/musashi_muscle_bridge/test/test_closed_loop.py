@@ -6,7 +6,7 @@ import pytest
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, SwingRequest
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop
 from musashi_muscle_bridge.protocol import Fault, Mode

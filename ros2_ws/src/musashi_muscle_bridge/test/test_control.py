@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range, slack
 from musashi_muscle_bridge.errors import FrameError

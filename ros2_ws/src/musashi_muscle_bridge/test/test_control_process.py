@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.bus import open_board_port
@@ -229,7 +229,7 @@ NODE = """
 import sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-from fastswing_planner.robot import load_robot
+from fastswing_planner.robot.description import load_robot
 from test_control_process import Node
 node = Node(load_robot(Path(sys.argv[2])), sys.argv[3])
 node.until(lambda: len(node.measured) >= 5)

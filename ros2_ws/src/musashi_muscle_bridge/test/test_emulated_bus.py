@@ -5,7 +5,7 @@ from collections.abc import Hashable, Mapping
 
 import numpy as np
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.bus import Received

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.plant import Drive, Plant, arm_mjcf
 from musashi_muscle_bridge.plant_constants import PlantConstants, plant_constants
 

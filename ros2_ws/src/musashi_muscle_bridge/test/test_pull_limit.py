@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.arbiter import CommandLimits, Setpoints
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.control import ControlPeriod, command_limits

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge import swing_video
 from musashi_muscle_bridge.swing_video import Camera, VideoError, frames_of, write_video
 from musashi_muscle_bridge.view_swing import require_screen

@@ -34,7 +34,7 @@ from fastswing_planner.analysis.text_report import check_text, comparison_text, 
 from fastswing_planner.bag import BagError, open_bag
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError
 from fastswing_planner.printing import say
-from fastswing_planner.robot import load_robot
+from fastswing_planner.robot.description import load_robot
 
 _Comparison = tuple[Sequence[Difference], dict[str, bytes]]
 _DEFAULTS = FindingSettings()
@@ -105,7 +105,7 @@ def _limits_of_robot(argument: str | None) -> tuple[MotorLimits, str]:
     """Return the motors' limits, and why they are not known."""
     # Where ROS is not installed there is no package to find the default robot in.
     try:
-        from fastswing_planner.robot_path import MUSASHI, resolve_path
+        from fastswing_planner.robot.path import MUSASHI, resolve_path
     except ImportError as error:
         if argument is None:
             return {}, f"speed limits are not known without --robot ({error})"

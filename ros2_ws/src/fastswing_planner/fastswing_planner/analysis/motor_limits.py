@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.robot import Robot
+from fastswing_planner.robot.description import Robot
 
 TOLERANCE = 0.01
 """Share by which a measured speed may exceed a limit that the motor just keeps."""

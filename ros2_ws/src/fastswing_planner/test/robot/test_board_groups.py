@@ -2,8 +2,8 @@
 
 import pytest
 
-from fastswing_planner.board_groups import BoardGroup, board_groups
 from fastswing_planner.errors import RobotDescriptionError
+from fastswing_planner.robot.board_groups import BoardGroup, board_groups
 
 MUSCLES = ("a", "b", "c")
 JOINTS = ("j", "k")

@@ -9,12 +9,12 @@ import numpy as np
 import yaml
 
 from fastswing_planner.arrays import Vector, finite_vector, unique_known
-from fastswing_planner.board_groups import BoardGroup, board_groups
 from fastswing_planner.errors import InvalidRequest, RobotDescriptionError
-from fastswing_planner.learned_model import LearnedMuscleModel, mjcf_hash
-from fastswing_planner.length_correction import load_correction
-from fastswing_planner.limits import MuscleLimits, muscle_limits
-from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
+from fastswing_planner.robot.board_groups import BoardGroup, board_groups
+from fastswing_planner.robot.learned_model import LearnedMuscleModel, mjcf_hash
+from fastswing_planner.robot.length_correction import load_correction
+from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
+from fastswing_planner.robot.mujoco_model import MujocoMuscleModel, load_mjcf
 
 _REQUIRED = (
     "mjcf",

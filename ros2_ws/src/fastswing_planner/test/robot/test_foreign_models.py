@@ -19,13 +19,13 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.joint_coupling import JointCoupling
-from fastswing_planner.limits import muscle_limits
-from fastswing_planner.mjcf_names import object_names
-from fastswing_planner.mujoco_model import MujocoMuscleModel, load_mjcf
 from fastswing_planner.plan import SwingPlan, SwingPlanner
 from fastswing_planner.qp_solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, SwingRequest
+from fastswing_planner.robot.joint_coupling import JointCoupling
+from fastswing_planner.robot.limits import muscle_limits
+from fastswing_planner.robot.mjcf_names import object_names
+from fastswing_planner.robot.mujoco_model import MujocoMuscleModel, load_mjcf
 
 MYOARM_JOINTS = (
     "elv_angle_r",
@@ -123,7 +123,7 @@ def robotiq() -> Arm:
 
 
 def two_link() -> Arm:
-    mjcf = load_mjcf(Path(__file__).parent / "data" / "two_link_arm.xml")
+    mjcf = load_mjcf(Path(__file__).parents[1] / "data" / "two_link_arm.xml")
     return Arm(
         mjcf,
         MujocoMuscleModel(mjcf, ("shoulder", "elbow"), TWO_LINK_MUSCLES),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix
 from fastswing_planner.errors import OutOfRange, RobotDescriptionError
-from fastswing_planner.length_correction import (
+from fastswing_planner.robot.length_correction import (
     LengthCorrection,
     TooFewSamples,
     fit_correction,

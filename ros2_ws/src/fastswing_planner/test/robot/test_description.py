@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.robot import Robot, load_robot
+from fastswing_planner.robot.description import Robot, load_robot
 
 MJCF = """
 <mujoco>

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fastswing_planner.errors import InvalidLimit, InvalidTensionRange, NotFinite
-from fastswing_planner.limits import MuscleLimits, muscle_limits
+from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 
 MUSCLES = ("a", "b")
 FIELDS = ("velocity", "acceleration", "tension_min", "tension_max")

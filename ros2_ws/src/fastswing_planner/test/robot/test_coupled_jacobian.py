@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.mujoco_model import MujocoMuscleModel
-from fastswing_planner.muscle_model import Payload
+from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
+from fastswing_planner.robot.muscle_model import Payload
 
 # j2 follows j1, j3 follows j2, j4 is locked by an equality; j5 is left out, at a keyframe.
 MJCF = """

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import mujoco
 
 from fastswing_planner.arrays import Matrix, Vector, frozen
-from fastswing_planner.length_correction import LengthCorrection
-from fastswing_planner.mujoco_model import MujocoMuscleModel
+from fastswing_planner.robot.length_correction import LengthCorrection
+from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
 
 
 class LearnedMuscleModel(MujocoMuscleModel):

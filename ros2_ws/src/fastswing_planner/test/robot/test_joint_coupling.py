@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
+from fastswing_planner.robot.joint_coupling import JointCoupling, refuse_restrained_joints
 
 # Four links in a row, two of their hinges with a zero that is not where the MJCF draws them.
 MJCF = """

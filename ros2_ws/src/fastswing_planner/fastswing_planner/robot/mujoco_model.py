@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
 from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.joint_coupling import JointCoupling, refuse_restrained_joints
-from fastswing_planner.mjcf_names import (
+from fastswing_planner.robot.joint_coupling import JointCoupling, refuse_restrained_joints
+from fastswing_planner.robot.mjcf_names import (
     SINGLE_AXIS,
     joint_indices,
     object_names,
     reference_position,
     tendon_indices,
 )
-from fastswing_planner.muscle_model import SMALLEST_MOMENT_ARM, Payload
+from fastswing_planner.robot.muscle_model import SMALLEST_MOMENT_ARM, Payload
 
 _SHORTEST = 1e-6  # [m]
 

@@ -1,0 +1,1 @@
+"""MJCF and YAML become muscle lengths, Jacobians and limits."""
