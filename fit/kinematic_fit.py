@@ -33,7 +33,7 @@ from swing_targets import (
 )
 
 from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from swing_targets import ELBOW_PITCH, EPSILON, JOINTS, MUSCLES, PEAK, travel_arms
 
 from fastswing_planner.plan import SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf

@@ -23,7 +23,7 @@ from robot_targets import PEAK, TENSION, Outcome, cost, swing_outcome
 
 from fastswing_planner.errors import SwingAborted
 from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.swing_execution import ExecutionSettings

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fastswing_planner.errors import SolverFailed, SwingBlocked
 from fastswing_planner.plan import SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import Method
 from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel

@@ -20,7 +20,7 @@ from fastswing_planner.errors import OutOfRange
 from fastswing_planner.learn_model_command import main
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.plan import SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import MuscleModel

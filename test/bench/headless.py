@@ -12,7 +12,7 @@ from limbed_arm import write_limbed_arm
 from rounds import Row, Samples, in_turns, row
 
 from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.qp_solvers import solver_from
+from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path

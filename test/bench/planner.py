@@ -28,7 +28,7 @@ from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_conversion import plan_to_message
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.request import Method, Search, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
@@ -46,7 +46,7 @@ _COLD = """
 import json, sys, time
 from pathlib import Path
 from fastswing_planner.plan import SwingPlanner
-from fastswing_planner.qp_solvers import solver_from
+from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot.description import load_robot
 robot = load_robot(Path(sys.argv[1]))

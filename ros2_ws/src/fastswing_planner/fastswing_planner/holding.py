@@ -6,7 +6,7 @@ import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
 from fastswing_planner.errors import HoldingUndecided, SolverFailed
-from fastswing_planner.qp import QpSolver, QpUnsolved, QuadraticProgram
+from fastswing_planner.qp.problem import QpSolver, QpUnsolved, QuadraticProgram
 from fastswing_planner.robot.limits import MuscleLimits
 
 # The QPs are solved in these units, in which all their numbers are near one.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.qp import QpSolver, QuadraticProgram
+from fastswing_planner.qp.problem import QpSolver, QuadraticProgram
 
 _MOST_FACES = 5000
 _FULL_RANK = 1e-6  # of the largest singular value

@@ -23,7 +23,7 @@ from fastswing_planner.mask_search import (
     Trial,
     antagonists,
 )
-from fastswing_planner.qp import QpSolver
+from fastswing_planner.qp.problem import QpSolver
 from fastswing_planner.request import Method, Search, SwingRequest, SwingTask, checked_task
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload

@@ -20,7 +20,7 @@ from fastswing_planner.errors import (
 from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
 from fastswing_planner.printing import say
-from fastswing_planner.qp_solvers import DEFAULT_SOLVER, SOLVERS, solver_from
+from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.request import (
     Method,
     MuscleConstants,

@@ -17,7 +17,7 @@ from fastswing_planner.plan_conversion import (
     request_from_message,
     write_plan,
 )
-from fastswing_planner.qp_solvers import DEFAULT_SOLVER, SOLVERS, solver_from
+from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.swing import SETTING_RANGES, SwingSettings

@@ -9,8 +9,8 @@ from scipy.optimize import linprog, lsq_linear, minimize
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
 from fastswing_planner.errors import HoldingUndecided, SolverFailed
 from fastswing_planner.holding import build_holding, build_nearest_torque, hold
-from fastswing_planner.qp import QpUnsolved, QuadraticProgram
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.problem import QpUnsolved, QuadraticProgram
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 
 SEED = st.integers(0, 2**32 - 1)

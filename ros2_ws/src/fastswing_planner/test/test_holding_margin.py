@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull
 from fastswing_planner import holding_margin as module
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.holding_margin import holding_margin
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp.solvers import SOLVERS, solver_from
 
 SEED = st.integers(0, 2**32 - 1)
 SOLVER = st.sampled_from(list(SOLVERS))

@@ -14,8 +14,8 @@ from scipy.optimize import linprog, lsq_linear
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
 from fastswing_planner.holding import RESIDUAL_TOLERANCE, Holding, hold
-from fastswing_planner.qp import QuadraticProgram
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp.problem import QuadraticProgram
+from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.robot.limits import muscle_limits
 
 COUNT = 2000

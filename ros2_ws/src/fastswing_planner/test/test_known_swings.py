@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import BoolVector
 from fastswing_planner.known_swings import KnownSwings
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel

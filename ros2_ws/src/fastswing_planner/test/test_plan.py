@@ -19,7 +19,7 @@ from fastswing_planner.errors import (
 )
 from fastswing_planner.mask_search import Verdict
 from fastswing_planner.plan import Outcome, SwingPlan, SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits

@@ -33,7 +33,7 @@ from fastswing_planner.plan_conversion import (
     request_from_message,
     request_to_message,
 )
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import Payload

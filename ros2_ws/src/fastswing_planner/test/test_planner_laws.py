@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.qp_solvers import SOLVERS, solver_from
+from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.request import Method, Search, SwingRequest
 from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.robot.muscle_model import MuscleModel

@@ -27,7 +27,7 @@ from fastswing_planner.errors import (
     WrongLength,
 )
 from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.request import (
     Method,
     MuscleConstants,

@@ -10,8 +10,8 @@ from scipy.optimize import minimize
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
 from fastswing_planner.errors import SwingBlocked
-from fastswing_planner.qp import QuadraticProgram
-from fastswing_planner.qp_solvers import ProxSuiteSolver
+from fastswing_planner.qp.problem import QuadraticProgram
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.ramp import velocity_bounds
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits

@@ -7,7 +7,7 @@ import numpy as np
 
 from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import InvalidLimit
-from fastswing_planner.qp import QpSolver, QpUnsolved, QuadraticProgram, SolverMissing
+from fastswing_planner.qp.problem import QpSolver, QpUnsolved, QuadraticProgram, SolverMissing
 
 # Either may be missing: ROS's own proxsuite is C++ alone (0.6.5), and rosdep knows no daqp.
 try:

@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear, minimize
 
-from fastswing_planner import qp_solvers
 from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import InvalidLimit
-from fastswing_planner.qp import QpUnsolved, QuadraticProgram, series
-from fastswing_planner.qp_solvers import (
+from fastswing_planner.qp import solvers as qp_solvers
+from fastswing_planner.qp.problem import QpUnsolved, QuadraticProgram, series
+from fastswing_planner.qp.solvers import (
     DEFAULT_SOLVER,
     SOLVERS,
     DaqpSolver,
@@ -23,7 +23,7 @@ from fastswing_planner.qp_solvers import (
     solver_from,
 )
 
-TINY_BOUND = Path(__file__).parent / "data" / "tiny_bound_swing_step.npz"
+TINY_BOUND = Path(__file__).parents[1] / "data" / "tiny_bound_swing_step.npz"
 SEED = st.integers(0, 2**32 - 1)
 SOLVER = st.sampled_from(list(SOLVERS))
 each_solver = pytest.mark.parametrize("name", SOLVERS)
@@ -252,14 +252,14 @@ def run_without(missing: str, program: str) -> str:
 
 PRINT_ANSWER = """
 import numpy as np
-from fastswing_planner.qp import QuadraticProgram
-from fastswing_planner.qp_solvers import DEFAULT_SOLVER, solver_from
+from fastswing_planner.qp.problem import QuadraticProgram
+from fastswing_planner.qp.solvers import DEFAULT_SOLVER, solver_from
 none = np.zeros((0, 1)), np.zeros(0)
 box = QuadraticProgram(np.eye(1), -3 * np.ones(1), *none, np.eye(1), -np.ones(1), np.ones(1))
 print(DEFAULT_SOLVER, *solver_from().solve(box))
 """
 PRINT_ERROR = """
-from fastswing_planner.qp_solvers import solver_from
+from fastswing_planner.qp.solvers import solver_from
 try:
     solver_from("NAME")
 except ImportError as error:

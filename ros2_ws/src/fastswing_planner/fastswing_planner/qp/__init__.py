@@ -1,0 +1,1 @@
+"""Quadratic programs: ProxSuite and DAQP behind one interface."""
