@@ -32,12 +32,12 @@ from swing_targets import (
     travel_arms,
 )
 
-from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method, SwingRequest
+from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
-from fastswing_planner.swing import SwingSettings
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DESCRIPTION = REPOSITORY / "ros2_ws/src/musashi_muscle_bridge/description"

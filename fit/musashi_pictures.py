@@ -17,12 +17,12 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from swing_targets import ELBOW_PITCH, EPSILON, JOINTS, MUSCLES, PEAK, travel_arms
 
-from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.request import SwingRequest
+from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
-from fastswing_planner.swing import SwingSettings
 
 IMAGES = REPOSITORY / "docs/images"
 SHOWN_POSTURES = ("home", "start", "end")

@@ -22,9 +22,9 @@ from plant_sweep import draw_sweep
 from robot_targets import PEAK, TENSION, Outcome, cost, swing_outcome
 
 from fastswing_planner.errors import SwingAborted
-from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.swing_execution import ExecutionSettings
 

@@ -13,9 +13,9 @@ from matplotlib import pyplot as plt
 from numpy.typing import NDArray
 from robot_targets import swing_outcome
 
-from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.swing_execution import ExecutionSettings
 

@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.errors import SolverFailed, SwingBlocked
-from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.request import Method
+from fastswing_planner.planning.speed_index import swing_speed_index
+from fastswing_planner.planning.swing import SwingSettings, Trajectory, simulate_swing
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method
 from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
-from fastswing_planner.speed_index import swing_speed_index
-from fastswing_planner.swing import SwingSettings, Trajectory, simulate_swing
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -12,13 +12,13 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method, SwingRequest
+from fastswing_planner.planning.speed_index import swing_speed_index
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.speed_index import swing_speed_index
 from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop, Sample
 

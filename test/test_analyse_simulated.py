@@ -17,9 +17,9 @@ from fastswing_planner.analysis.recording import (
 )
 from fastswing_planner.analysis.swing_finding import FindingSettings, fastest_joint_speed
 from fastswing_planner.figures import SwingFigures
-from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from fastswing_planner.swing_execution import ExecutionSettings, Phase

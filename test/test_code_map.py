@@ -195,4 +195,4 @@ def test_everything_without_ros_is_imported_where_there_is_none() -> None:
 
 
 def test_the_obstacle_to_importing_works() -> None:
-    assert import_without("numpy", ["fastswing_planner.swing"]).returncode == 1
+    assert import_without("numpy", ["fastswing_planner.planning.swing"]).returncode == 1

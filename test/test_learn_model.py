@@ -19,13 +19,13 @@ from fastswing_planner.bag_writer import BagWriter
 from fastswing_planner.errors import OutOfRange
 from fastswing_planner.learn_model_command import main
 from fastswing_planner.message_definition import definition_text
-from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.request import SwingRequest
+from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import MuscleModel
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing import SwingSettings
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
 

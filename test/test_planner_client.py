@@ -30,11 +30,11 @@ from fastswing_planner.errors import (
     UnknownName,
     WrongLength,
 )
-from fastswing_planner.mask_search import Verdict
-from fastswing_planner.plan import SwingPlan
-from fastswing_planner.request import Method, MuscleConstants, Search
+from fastswing_planner.planning.mask_search import Verdict
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.request import Method, MuscleConstants, Search
+from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.robot.muscle_model import Payload
-from fastswing_planner.swing import SwingSettings
 
 if TYPE_CHECKING:
     from test.conftest import Suite
@@ -252,7 +252,7 @@ def test_a_client_may_be_closed_twice(in_domain: None) -> None:
 PROGRAM = """
 import rclpy
 from fastswing_planner.client import PlannerClient
-from fastswing_planner.request import Method
+from fastswing_planner.planning.request import Method
 
 rclpy.init()
 node = rclpy.create_node("task")

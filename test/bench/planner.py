@@ -26,13 +26,13 @@ from rounds import Row, Samples, in_turns, repeated, row
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_conversion import plan_to_message
+from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.request import Method, Search, SwingRequest
+from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
-from fastswing_planner.request import Method, Search, SwingRequest
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing import SwingSettings
 
 QUESTION = "What does a plan cost, through the service too, and how does it grow with the arm?"
 PLAIN = "plain planner"
@@ -45,9 +45,9 @@ _READY_SEC = 60.0
 _COLD = """
 import json, sys, time
 from pathlib import Path
-from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
-from fastswing_planner.request import SwingRequest
+from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.robot.description import load_robot
 robot = load_robot(Path(sys.argv[1]))
 planner = SwingPlanner(robot.model, robot.limits, solver_from(sys.argv[2]))

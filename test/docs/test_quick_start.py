@@ -7,7 +7,7 @@ import yaml
 from followed_page import DOCS, read_page
 
 from fastswing_msgs.action import ExecuteSwing
-from fastswing_planner.request import Method
+from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 

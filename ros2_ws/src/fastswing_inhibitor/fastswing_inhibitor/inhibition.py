@@ -15,12 +15,12 @@ import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
-from fastswing_planner.robot.muscle_model import MuscleModel
-from fastswing_planner.speed_index import (
+from fastswing_planner.planning.speed_index import (
     greatest_moment_arm,
     plain_speed_index,
     unit_direction,
 )
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 
 class Reason(IntEnum):

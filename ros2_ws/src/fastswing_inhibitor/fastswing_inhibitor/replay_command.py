@@ -12,8 +12,8 @@ from fastswing_inhibitor.replay import WhatIf, replay
 from fastswing_inhibitor.replay_text import replay_text
 from fastswing_planner.bag import open_bag
 from fastswing_planner.errors import PlannerError
+from fastswing_planner.planning.request import checked_threshold
 from fastswing_planner.printing import say
-from fastswing_planner.request import checked_threshold
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.path import MUSASHI, resolve_path

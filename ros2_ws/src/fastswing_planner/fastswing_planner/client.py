@@ -14,13 +14,13 @@ from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.error_code import error_from
 from fastswing_planner.errors import PlannerUnavailable, UnknownName
-from fastswing_planner.plan import Outcome, SwingPlan
 from fastswing_planner.plan_conversion import (
     outcome_from_message,
     plan_from_message,
     request_to_message,
 )
-from fastswing_planner.request import Method, SwingRequest, checked_time_limit
+from fastswing_planner.planning.plan import Outcome, SwingPlan
+from fastswing_planner.planning.request import Method, SwingRequest, checked_time_limit
 
 _SLICE_SEC = 0.1
 _ASK_AGAIN_SEC = 5.0

@@ -7,7 +7,7 @@ from typing import NoReturn
 from numpy.typing import ArrayLike
 
 from fastswing_planner.errors import UnknownName
-from fastswing_planner.request import Method
+from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot
 
 _NEGATIVE = re.compile(r"^-[0-9.][0-9.,eE+-]*$")

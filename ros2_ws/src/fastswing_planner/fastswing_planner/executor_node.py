@@ -17,7 +17,7 @@ from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
-from fastswing_planner.plan import SwingPlanner
+from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp

@@ -17,21 +17,21 @@ from fastswing_planner.errors import (
     RobotDescriptionError,
     WrongLength,
 )
-from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
-from fastswing_planner.printing import say
-from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
-from fastswing_planner.request import (
+from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.request import (
     Method,
     MuscleConstants,
     Search,
     SwingRequest,
     requested_limits,
 )
+from fastswing_planner.planning.swing import SwingSettings
+from fastswing_planner.printing import say
+from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import Payload
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing import SwingSettings
 
 _PICTURES = (".png", ".svg", ".pdf")
 

@@ -19,17 +19,17 @@ from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.arrays import Vector, frozen, frozen_flags
 from fastswing_planner.error_code import error_code, error_from
 from fastswing_planner.figures_conversion import table
-from fastswing_planner.mask_search import Trial, Verdict
-from fastswing_planner.plan import Outcome, SwingPlan
-from fastswing_planner.request import (
+from fastswing_planner.planning.mask_search import Trial, Verdict
+from fastswing_planner.planning.plan import Outcome, SwingPlan
+from fastswing_planner.planning.request import (
     Method,
     MuscleConstants,
     Search,
     SwingRequest,
     choice_from,
 )
+from fastswing_planner.planning.swing import SwingSettings, Trajectory
 from fastswing_planner.robot.muscle_model import Payload
-from fastswing_planner.swing import SwingSettings, Trajectory
 
 _VERDICTS = {
     Verdict.TAKEN: MaskTrial.VERDICT_TAKEN,

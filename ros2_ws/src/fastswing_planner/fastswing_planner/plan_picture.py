@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fastswing_planner.plan import Outcome, SwingPlan
+from fastswing_planner.planning.plan import Outcome, SwingPlan
 from fastswing_planner.robot.limits import MuscleLimits
 
 

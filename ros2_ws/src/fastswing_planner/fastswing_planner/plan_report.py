@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fastswing_planner.plan import Outcome, SwingPlan
+from fastswing_planner.planning.plan import Outcome, SwingPlan
 
 
 def plan_text(plan: SwingPlan, comparison: Sequence[Outcome]) -> str:

@@ -11,16 +11,16 @@ from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
-from fastswing_planner.plan import SwingPlanner
 from fastswing_planner.plan_conversion import (
     outcome_to_message,
     request_from_message,
     write_plan,
 )
+from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.swing import SETTING_RANGES, SwingSettings
 from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from fastswing_planner.swing import SETTING_RANGES, SwingSettings
 
 _SETTINGS = SwingSettings()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import HoldingInfeasible
-from fastswing_planner.holding import Holding
+from fastswing_planner.planning.holding import Holding
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 

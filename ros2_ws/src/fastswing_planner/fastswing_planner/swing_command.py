@@ -24,8 +24,8 @@ from fastswing_planner.errors import (
     PlannerError,
     RobotDescriptionError,
 )
+from fastswing_planner.planning.request import Method, posture
 from fastswing_planner.printing import say
-from fastswing_planner.request import Method, posture
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from fastswing_planner.swing_execution import Phase

@@ -18,9 +18,9 @@ from fastswing_planner.error_code import error_code, error_name
 from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
-from fastswing_planner.holding import Holding
 from fastswing_planner.plan_conversion import payload_from_options
-from fastswing_planner.request import Method
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.request import Method
 from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload

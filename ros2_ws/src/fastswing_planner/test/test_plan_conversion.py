@@ -23,8 +23,6 @@ from fastswing_planner.errors import (
     WrongLength,
 )
 from fastswing_planner.figures_conversion import predicted_figures
-from fastswing_planner.mask_search import Verdict
-from fastswing_planner.plan import Outcome, SwingPlan, SwingPlanner
 from fastswing_planner.plan_conversion import (
     outcome_from_message,
     outcome_to_message,
@@ -33,11 +31,13 @@ from fastswing_planner.plan_conversion import (
     request_from_message,
     request_to_message,
 )
+from fastswing_planner.planning.mask_search import Verdict
+from fastswing_planner.planning.plan import Outcome, SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method, MuscleConstants, Search, SwingRequest
+from fastswing_planner.planning.swing import SETTING_RANGES, SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import Payload
-from fastswing_planner.swing import SETTING_RANGES, SwingSettings
 
 OWN = SwingSettings(0.02, 0.05, 77)
 """The planner's own settings, where a request gives none."""

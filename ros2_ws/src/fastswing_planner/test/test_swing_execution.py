@@ -9,9 +9,9 @@ import pytest
 
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import HoldingInfeasible, InvalidLimit, SwingAborted
-from fastswing_planner.holding import Holding
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.request import Method
 from fastswing_planner.posture import encoder_lengths
-from fastswing_planner.request import Method
 from fastswing_planner.robot.muscle_model import MuscleModel
 from fastswing_planner.swing_execution import (
     ExecutionSettings,

@@ -9,8 +9,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import SwingAborted
-from fastswing_planner.holding import Holding
-from fastswing_planner.request import Method
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.muscle_model import Payload
 from fastswing_planner.swing_execution import (
     ExecutionSettings,

@@ -20,8 +20,8 @@ from fastswing_inhibitor.inhibition import (
 )
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.figures import SwingFigures
-from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.request import SwingRequest
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.swing_execution import (
     ExecutionSettings,

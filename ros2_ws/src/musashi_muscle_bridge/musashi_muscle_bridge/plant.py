@@ -13,7 +13,7 @@ from fastswing_planner.arrays import (
     made_frozen,
     unique_known,
 )
-from fastswing_planner.ramp import ramp_bounds
+from fastswing_planner.planning.ramp import ramp_bounds
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.mujoco_model import load_mjcf, object_names, sparse_places
 from musashi_muscle_bridge.motor_heat import MotorHeat

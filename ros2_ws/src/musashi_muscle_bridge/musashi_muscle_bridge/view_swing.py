@@ -10,7 +10,7 @@ from collections.abc import Mapping
 import mujoco
 
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.request import Method
+from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
 from fastswing_planner.robot.path import MUSASHI, resolve_path

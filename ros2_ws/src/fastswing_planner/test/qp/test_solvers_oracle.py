@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from scipy.optimize import lsq_linear, nnls
 
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.holding import build_holding, build_nearest_torque
+from fastswing_planner.planning.holding import build_holding, build_nearest_torque
+from fastswing_planner.planning.swing import build_swing_step
 from fastswing_planner.qp.problem import QuadraticProgram, series
 from fastswing_planner.qp.solvers import SOLVERS, ProxSuiteSolver, solver_from
-from fastswing_planner.swing import build_swing_step
 
 SEED = st.integers(0, 2**32 - 1)
 SOLVER = st.sampled_from(list(SOLVERS))

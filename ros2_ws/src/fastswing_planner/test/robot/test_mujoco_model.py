@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import RobotDescriptionError, UnknownName
+from fastswing_planner.planning.speed_index import plain_speed_index
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel, load_mjcf
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
-from fastswing_planner.speed_index import plain_speed_index
 
 # A slider, two hinges that are not in the order of the tendons, a ball that nobody chooses.
 MJCF = """

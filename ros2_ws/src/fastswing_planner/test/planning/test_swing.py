@@ -10,13 +10,18 @@ from scipy.optimize import minimize
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
 from fastswing_planner.errors import SwingBlocked
+from fastswing_planner.planning.ramp import velocity_bounds
+from fastswing_planner.planning.swing import (
+    SwingSettings,
+    Trajectory,
+    build_swing_step,
+    simulate_swing,
+)
 from fastswing_planner.qp.problem import QuadraticProgram
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.ramp import velocity_bounds
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel
-from fastswing_planner.swing import SwingSettings, Trajectory, build_swing_step, simulate_swing
 
 ArmBuilder = Callable[..., MuscleModel]
 SEED = st.integers(0, 2**32 - 1)

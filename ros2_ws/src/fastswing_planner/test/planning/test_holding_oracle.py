@@ -13,7 +13,7 @@ import pytest
 from scipy.optimize import linprog, lsq_linear
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
-from fastswing_planner.holding import RESIDUAL_TOLERANCE, Holding, hold
+from fastswing_planner.planning.holding import RESIDUAL_TOLERANCE, Holding, hold
 from fastswing_planner.qp.problem import QuadraticProgram
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.robot.limits import muscle_limits

@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method, Search, SwingRequest
+from fastswing_planner.planning.swing import SwingSettings, simulate_swing
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
-from fastswing_planner.request import Method, Search, SwingRequest
 from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.robot.muscle_model import MuscleModel
-from fastswing_planner.swing import SwingSettings, simulate_swing
 
 ArmBuilder = Callable[..., MuscleModel]
 SEED = st.integers(0, 2**32 - 1)

@@ -8,7 +8,7 @@ from scipy.optimize import linprog, lsq_linear, minimize
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
 from fastswing_planner.errors import HoldingUndecided, SolverFailed
-from fastswing_planner.holding import build_holding, build_nearest_torque, hold
+from fastswing_planner.planning.holding import build_holding, build_nearest_torque, hold
 from fastswing_planner.qp.problem import QpUnsolved, QuadraticProgram
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits

@@ -8,12 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.arrays import BoolVector
-from fastswing_planner.known_swings import KnownSwings
+from fastswing_planner.planning.known_swings import KnownSwings
+from fastswing_planner.planning.swing import (
+    SwingSettings,
+    Trajectory,
+    shared_step_count,
+    simulate_swing,
+)
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel
-from fastswing_planner.swing import SwingSettings, Trajectory, shared_step_count, simulate_swing
 
 MUSCLES = 7
 SEED = st.integers(0, 2**32 - 1)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen
-from fastswing_planner.ramp import velocity_bounds
+from fastswing_planner.planning.ramp import velocity_bounds
+from fastswing_planner.planning.swing import Trajectory
 from fastswing_planner.robot.limits import MuscleLimits
-from fastswing_planner.swing import Trajectory
 
 
 def fastest_payout(limits: MuscleLimits, step_count: int, time_step: float) -> Matrix:

@@ -26,9 +26,9 @@ from fastswing_planner.errors import (
     UnknownMethod,
     WrongLength,
 )
+from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
-from fastswing_planner.swing import SwingSettings
 
 _LARGEST_POSITION = 1000.0  # [rad] of a joint without limits
 _LARGEST_THRESHOLD = 1e6  # [s/rad]

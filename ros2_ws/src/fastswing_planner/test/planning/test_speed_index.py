@@ -11,9 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import StartEqualsEnd
-from fastswing_planner.robot.description import Robot
-from fastswing_planner.robot.muscle_model import MuscleModel
-from fastswing_planner.speed_index import (
+from fastswing_planner.planning.speed_index import (
     greatest_moment_arm,
     moment_arm,
     plain_speed_index,
@@ -21,6 +19,8 @@ from fastswing_planner.speed_index import (
     swing_speed_index,
     unit_direction,
 )
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 ARMS = arrays(float, (4, 2), elements=st.floats(-0.1, 0.1))
 DIRECTION = arrays(float, 2, elements=st.floats(-3.0, 3.0)).filter(

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.ramp import velocity_bounds
+from fastswing_planner.planning.ramp import velocity_bounds
 
 SPEED = st.floats(-0.5, 0.5)
 LIMIT = st.floats(0.01, 0.5)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector
-from fastswing_planner.swing import Trajectory, shared_step_count
+from fastswing_planner.planning.swing import Trajectory, shared_step_count
 
 _MOST_REMEMBERED = 256  # of about 10 kB each
 

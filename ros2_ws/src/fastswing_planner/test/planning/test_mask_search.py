@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.errors import HoldingInfeasible, SwingBlocked
-from fastswing_planner.holding import Holding
-from fastswing_planner.mask_search import MaskSearch, SearchResult, Verdict, antagonists
-from fastswing_planner.swing import Trajectory
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.mask_search import MaskSearch, SearchResult, Verdict, antagonists
+from fastswing_planner.planning.swing import Trajectory
 
 COUNT = 5
 INDEX = np.array([0.3, -0.2, 0.5, 0.0, 0.1])

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.arrays import BoolVector, Matrix, frozen
-from fastswing_planner.elongation import elongation, fastest_payout
+from fastswing_planner.planning.elongation import elongation, fastest_payout
+from fastswing_planner.planning.swing import Trajectory
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
-from fastswing_planner.swing import Trajectory
 
 MUSCLES = ("a", "b", "c")
 TIME_STEP = 0.03

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
 
-from fastswing_planner import holding_margin as module
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.holding_margin import holding_margin
+from fastswing_planner.planning import holding_margin as module
+from fastswing_planner.planning.holding_margin import holding_margin
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
 
 SEED = st.integers(0, 2**32 - 1)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector, contiguous, frozen, frozen_flags
 from fastswing_planner.errors import InvalidLimit, NotFinite, SwingBlocked
+from fastswing_planner.planning.ramp import ramp_bounds
 from fastswing_planner.qp.problem import QpSolver, QuadraticProgram, series
-from fastswing_planner.ramp import ramp_bounds
 from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.robot.muscle_model import MuscleModel
 

@@ -26,9 +26,8 @@ from fastswing_planner.errors import (
     UnknownName,
     WrongLength,
 )
-from fastswing_planner.plan import SwingPlan, SwingPlanner
-from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import (
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import (
     Method,
     MuscleConstants,
     Search,
@@ -37,6 +36,7 @@ from fastswing_planner.request import (
     choice_from,
     requested_limits,
 )
+from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import Payload
 

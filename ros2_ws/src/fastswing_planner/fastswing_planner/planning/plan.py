@@ -6,29 +6,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
-from fastswing_planner.elongation import elongation
 from fastswing_planner.errors import (
     HoldingInfeasible,
     InvalidLimit,
     PlannerError,
     SingularJacobian,
 )
-from fastswing_planner.holding import Holding, hold
-from fastswing_planner.holding_margin import holding_margin
-from fastswing_planner.known_swings import KnownSwings
-from fastswing_planner.mask_search import (
+from fastswing_planner.planning.elongation import elongation
+from fastswing_planner.planning.holding import Holding, hold
+from fastswing_planner.planning.holding_margin import holding_margin
+from fastswing_planner.planning.known_swings import KnownSwings
+from fastswing_planner.planning.mask_search import (
     Candidate,
     MaskSearch,
     SearchResult,
     Trial,
     antagonists,
 )
+from fastswing_planner.planning.request import Method, Search, SwingRequest, SwingTask, checked_task
+from fastswing_planner.planning.speed_index import swing_speed_index
+from fastswing_planner.planning.swing import Trajectory, simulate_swing
 from fastswing_planner.qp.problem import QpSolver
-from fastswing_planner.request import Method, Search, SwingRequest, SwingTask, checked_task
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
-from fastswing_planner.speed_index import swing_speed_index
-from fastswing_planner.swing import Trajectory, simulate_swing
 
 HIGH_TENSION = 0.8
 """A plan warns where a muscle holds above this part of its tension_max."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector
 from fastswing_planner.errors import HoldingInfeasible, SwingBlocked
-from fastswing_planner.holding import Holding
-from fastswing_planner.swing import Trajectory
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.swing import Trajectory
 
 
 class Verdict(Enum):

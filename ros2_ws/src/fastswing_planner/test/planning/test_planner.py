@@ -17,14 +17,14 @@ from fastswing_planner.errors import (
     StartEqualsEnd,
     SwingBlocked,
 )
-from fastswing_planner.mask_search import Verdict
-from fastswing_planner.plan import Outcome, SwingPlan, SwingPlanner
+from fastswing_planner.planning.mask_search import Verdict
+from fastswing_planner.planning.plan import Outcome, SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import Method, MuscleConstants, Search, SwingRequest
+from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver
-from fastswing_planner.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
-from fastswing_planner.swing import SwingSettings
 
 ELBOW = 3
 METHODS = list(Method)
