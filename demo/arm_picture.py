@@ -15,10 +15,10 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
+from fastswing_planner.execution.swing_execution import MuscleMeasurement, Phase
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing_execution import MuscleMeasurement, Phase
 from musashi_muscle_bridge.arm_markers_conversion import LINKS, ArmMarkers
 from musashi_muscle_bridge.closed_loop import Sample
 from musashi_muscle_bridge.protocol import Mode

@@ -22,11 +22,11 @@ from plant_sweep import draw_sweep
 from robot_targets import PEAK, TENSION, Outcome, cost, swing_outcome
 
 from fastswing_planner.errors import SwingAborted
+from fastswing_planner.execution.swing_execution import ExecutionSettings
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.swing_execution import ExecutionSettings
 
 SIGMA = 0.05
 """First standard deviation; the ranges of the parameters are -1 to 1."""

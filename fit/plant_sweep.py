@@ -13,11 +13,11 @@ from matplotlib import pyplot as plt
 from numpy.typing import NDArray
 from robot_targets import swing_outcome
 
+from fastswing_planner.execution.swing_execution import ExecutionSettings
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot
-from fastswing_planner.swing_execution import ExecutionSettings
 
 IMAGE = REPOSITORY / "docs/images/back_drivability.png"
 FRICTION = np.array([1.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 80.0, 100.0])

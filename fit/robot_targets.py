@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.errors import SwingAborted
+from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot
-from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop
 from musashi_muscle_bridge.protocol import Mode
 

@@ -16,13 +16,13 @@ from fastswing_planner.analysis.recording import (
     Recording,
 )
 from fastswing_planner.analysis.swing_finding import FindingSettings, fastest_joint_speed
-from fastswing_planner.figures import SwingFigures
+from fastswing_planner.execution.figures import SwingFigures
+from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop, Sample
 
 RATE = 500.0

@@ -20,13 +20,13 @@ from fastswing_planner.analysis.measured_swing import measure_swings
 from fastswing_planner.analysis.recording_reading import read_recordings
 from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.bag import open_bag
-from fastswing_planner.figures import SwingFigures
+from fastswing_planner.execution.figures import SwingFigures
+from fastswing_planner.execution.swing_execution import ExecutionSettings
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing_execution import ExecutionSettings
 from musashi_muscle_bridge.closed_loop import ClosedLoop
 
 pytestmark = pytest.mark.system

@@ -11,12 +11,12 @@ from growth_picture import draw
 from limbed_arm import write_limbed_arm
 from rounds import Row, Samples, in_turns, row
 
+from fastswing_planner.execution.swing_execution import ExecutionSettings
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing_execution import ExecutionSettings
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.closed_loop import ClosedLoop
 from musashi_muscle_bridge.control import ControlPeriod, command_limits

@@ -14,6 +14,13 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import InhibitionStatus, LengthCommand, MuscleState
 from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
+from fastswing_planner.execution.rest import RestWatch
+from fastswing_planner.execution.swing_execution import (
+    ExecutionSettings,
+    InhibitionReport,
+    JointMeasurement,
+    MuscleMeasurement,
+)
 from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
 from fastswing_planner.parameters import Parameter
@@ -21,19 +28,12 @@ from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
-from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.state_conversion import (
     JointStateReader,
     MuscleStateReader,
     RejectionCounter,
-)
-from fastswing_planner.swing_execution import (
-    ExecutionSettings,
-    InhibitionReport,
-    JointMeasurement,
-    MuscleMeasurement,
 )
 from fastswing_planner.swing_goal import SwingGoal, SwingSurroundings
 

@@ -10,7 +10,7 @@ from fastswing_msgs.msg import SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_planner.arrays import Matrix
 from fastswing_planner.errors import WrongLength
-from fastswing_planner.figures import SwingFigures as Figures
+from fastswing_planner.execution.figures import SwingFigures as Figures
 
 
 def predicted_figures(message: SwingPlanMessage) -> SwingFigures:

@@ -24,11 +24,11 @@ from fastswing_planner.errors import (
     PlannerError,
     RobotDescriptionError,
 )
+from fastswing_planner.execution.swing_execution import Phase
 from fastswing_planner.planning.request import Method, posture
 from fastswing_planner.printing import say
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing_execution import Phase
 
 _SLICE_SEC = 0.1
 _GONE_SEC = 3.0

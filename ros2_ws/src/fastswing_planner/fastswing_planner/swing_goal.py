@@ -16,15 +16,8 @@ from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.error_code import error_code, error_name
 from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
-from fastswing_planner.executor_links import ExecutorLinks
-from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
-from fastswing_planner.plan_conversion import payload_from_options
-from fastswing_planner.planning.holding import Holding
-from fastswing_planner.planning.request import Method
-from fastswing_planner.rest import RestWatch
-from fastswing_planner.robot.description import Robot
-from fastswing_planner.robot.muscle_model import MuscleModel, Payload
-from fastswing_planner.swing_execution import (
+from fastswing_planner.execution.rest import RestWatch
+from fastswing_planner.execution.swing_execution import (
     ExecutionSettings,
     InhibitionReport,
     JointMeasurement,
@@ -35,6 +28,13 @@ from fastswing_planner.swing_execution import (
     SwingExecution,
     refuse_muscles,
 )
+from fastswing_planner.executor_links import ExecutorLinks
+from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
+from fastswing_planner.plan_conversion import payload_from_options
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.request import Method
+from fastswing_planner.robot.description import Robot
+from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 
 _LONGEST_SEARCH_SEC = 3600.0
 _CONFIRM_SEC = 1.0

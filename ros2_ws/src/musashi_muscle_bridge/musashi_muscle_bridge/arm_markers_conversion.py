@@ -9,8 +9,8 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from fastswing_planner.arrays import Matrix, Vector
+from fastswing_planner.execution.swing_execution import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
-from fastswing_planner.swing_execution import MuscleMeasurement
 from musashi_muscle_bridge.arm_shapes import ArmShapes, Form, Solid
 from musashi_muscle_bridge.muscle_lines import (
     SLACK_COLOUR,

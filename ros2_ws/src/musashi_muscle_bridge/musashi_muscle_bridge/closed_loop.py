@@ -19,11 +19,8 @@ from fastswing_inhibitor.inhibition import (
     Reason,
 )
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.figures import SwingFigures
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
-from fastswing_planner.planning.request import SwingRequest
-from fastswing_planner.robot.description import Robot
-from fastswing_planner.swing_execution import (
+from fastswing_planner.execution.figures import SwingFigures
+from fastswing_planner.execution.swing_execution import (
     ExecutionSettings,
     InhibitionReport,
     JointMeasurement,
@@ -33,6 +30,9 @@ from fastswing_planner.swing_execution import (
     PreparedSwing,
     SwingExecution,
 )
+from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.request import SwingRequest
+from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.protocol import Fault, Mode, StateFrame, WatchdogAction

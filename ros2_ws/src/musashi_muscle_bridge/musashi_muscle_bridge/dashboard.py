@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fastswing_planner.swing_execution import Phase
+from fastswing_planner.execution.swing_execution import Phase
 from musashi_muscle_bridge.protocol import Fault, Mode
 from musashi_muscle_bridge.topic_pulse import TopicPulse
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fastswing_planner.errors import PlannerError
+from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.swing_execution import ExecutionSettings, Phase
 from musashi_muscle_bridge.closed_loop import ClosedLoop, Sample
 from musashi_muscle_bridge.swing_video import Camera, Picture, frames_of, write_video
 

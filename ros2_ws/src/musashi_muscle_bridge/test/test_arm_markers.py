@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from fastswing_planner.execution.swing_execution import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
-from fastswing_planner.swing_execution import MuscleMeasurement
 from musashi_muscle_bridge.arm_markers_conversion import LIMP, LINKS, MUSCLES, ArmMarkers
 from musashi_muscle_bridge.muscle_lines import SLACK_COLOUR
 

@@ -9,10 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import SwingAborted
-from fastswing_planner.planning.holding import Holding
-from fastswing_planner.planning.request import Method
-from fastswing_planner.robot.muscle_model import Payload
-from fastswing_planner.swing_execution import (
+from fastswing_planner.execution.swing_execution import (
     ExecutionSettings,
     InhibitionReport,
     JointMeasurement,
@@ -22,6 +19,9 @@ from fastswing_planner.swing_execution import (
     PreparedSwing,
     SwingExecution,
 )
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.request import Method
+from fastswing_planner.robot.muscle_model import Payload
 
 START, END = -1.0, 0.5
 PERIOD = 0.01

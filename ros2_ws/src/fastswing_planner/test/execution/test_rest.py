@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fastswing_planner.rest import RestWatch
+from fastswing_planner.execution.rest import RestWatch
 
 
 def watch() -> RestWatch:

@@ -9,11 +9,8 @@ import pytest
 
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import HoldingInfeasible, InvalidLimit, SwingAborted
-from fastswing_planner.planning.holding import Holding
-from fastswing_planner.planning.request import Method
-from fastswing_planner.posture import encoder_lengths
-from fastswing_planner.robot.muscle_model import MuscleModel
-from fastswing_planner.swing_execution import (
+from fastswing_planner.execution.posture_path import encoder_lengths
+from fastswing_planner.execution.swing_execution import (
     ExecutionSettings,
     InhibitionReport,
     JointMeasurement,
@@ -23,6 +20,9 @@ from fastswing_planner.swing_execution import (
     PreparedSwing,
     SwingExecution,
 )
+from fastswing_planner.planning.holding import Holding
+from fastswing_planner.planning.request import Method
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 ArmBuilder = Callable[..., MuscleModel]
 MOMENT_ARMS = [[0.05], [-0.04]]

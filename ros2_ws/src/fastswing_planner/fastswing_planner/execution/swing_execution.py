@@ -13,11 +13,16 @@ import numpy as np
 
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import InvalidLimit, SwingAborted
-from fastswing_planner.figures import SwingFigures, SwingMeasurement
+from fastswing_planner.execution.figures import SwingFigures, SwingMeasurement
+from fastswing_planner.execution.posture_path import (
+    PosturePath,
+    encoder_lengths,
+    posture_path,
+    smooth_fraction,
+)
+from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
-from fastswing_planner.posture import PosturePath, encoder_lengths, posture_path, smooth_fraction
-from fastswing_planner.rest import RestWatch
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 

@@ -9,8 +9,13 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import HoldingInfeasible
+from fastswing_planner.execution.posture_path import (
+    PosturePath,
+    encoder_lengths,
+    posture_path,
+    smooth_fraction,
+)
 from fastswing_planner.planning.holding import Holding
-from fastswing_planner.posture import PosturePath, encoder_lengths, posture_path, smooth_fraction
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 ArmBuilder = Callable[..., MuscleModel]
