@@ -23,8 +23,8 @@ from fastswing_inhibitor.inhibition import (
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.bag import Bag
 from fastswing_planner.bag_errors import BagError
+from fastswing_planner.cdr.columns import Column
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.message_columns import Column
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"

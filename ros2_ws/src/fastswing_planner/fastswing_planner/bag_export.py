@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fastswing_planner.bag_errors import BagError, UndecodableMessage
-from fastswing_planner.message_columns import Column, Columns
+from fastswing_planner.cdr.columns import Column, Columns
 
 FORMATS = ("csv", "parquet")
 

@@ -33,7 +33,7 @@ from mcap.writer import CompressionType, IndexType
 import fastswing_planner
 from fastswing_planner.bag import Bag, BagError, open_bag
 from fastswing_planner.bag_writer import BagWriter
-from fastswing_planner.message_columns import Columns
+from fastswing_planner.cdr.columns import Columns
 
 POSITION = np.arange(100.0)
 

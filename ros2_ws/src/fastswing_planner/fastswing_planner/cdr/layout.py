@@ -11,7 +11,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from fastswing_planner.bag_errors import UndecodableMessage
-from fastswing_planner.message_schema import (
+from fastswing_planner.cdr.schema import (
     PRIMITIVE_SIZE,
     TEXTS,
     Field,

@@ -1,0 +1,1 @@
+"""ROS's message definitions, and serialised messages as numpy columns."""
