@@ -24,8 +24,8 @@ from fastswing_msgs.msg import (
     SwingTrajectory,
 )
 from fastswing_planner.analysis.motor_limits import MotorLimit
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 
 ROOT = Path(__file__).parents[1]

@@ -14,8 +14,8 @@ from std_msgs.msg import Header
 
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.errors import OutOfRange
 from fastswing_planner.learn_model_command import main
 from fastswing_planner.message_definition import definition_text

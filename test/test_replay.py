@@ -23,9 +23,9 @@ from fastswing_inhibitor.inhibition import InhibitionSettings, Reason
 from fastswing_inhibitor.replay import replay
 from fastswing_msgs.msg import ErrorCode, InhibitionStatus, SwingPlan
 from fastswing_msgs.srv import ArmInhibitor
-from fastswing_planner.bag import open_bag
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path

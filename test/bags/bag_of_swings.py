@@ -22,8 +22,8 @@ from fastswing_msgs.msg import (
     TensionCommand,
 )
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 
 METHOD_VALUES = {"basic": 0, "inhibit": 1, "elongate": 2, "hybrid": 3}

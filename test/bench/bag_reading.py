@@ -14,9 +14,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_msgs.msg import CurrentOverride, MuscleState
-from fastswing_planner.bag import open_bag
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 
 TYPES = {

@@ -12,8 +12,8 @@ from fastswing_inhibitor.decision_messages import DecisionMessages
 from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, JointNumbers
 from fastswing_inhibitor.latency import LatencyHistogram
 from fastswing_msgs.msg import SwingPlan
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.robot.description import Robot
 

@@ -13,7 +13,7 @@ from bag_reading import TYPES, samples
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from fastswing_msgs.msg import InhibitionStatus
-from fastswing_planner.bag import open_bag
+from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.record_node import message_class
 
 RATE_HZ = 1000.0

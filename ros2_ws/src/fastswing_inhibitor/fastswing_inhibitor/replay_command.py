@@ -10,7 +10,7 @@ from pathlib import Path
 from fastswing_inhibitor.inhibition import InhibitionSettings
 from fastswing_inhibitor.replay import WhatIf, replay
 from fastswing_inhibitor.replay_text import replay_text
-from fastswing_planner.bag import open_bag
+from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.planning.request import checked_threshold
 from fastswing_planner.printing import say

@@ -29,9 +29,9 @@ from fastswing_inhibitor.replay import Replay, UnusableForReplay, WhatIf, replay
 from fastswing_inhibitor.replay_text import replay_text
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, SwingPlan
 from fastswing_planner.arrays import Matrix, Vector, frozen
-from fastswing_planner.bag import open_bag
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.muscle_model import Payload

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from fastswing_planner.arrays import Matrix
-from fastswing_planner.bag import open_bag
+from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
 from fastswing_planner.muscle_samples import MuscleSamples, muscle_samples
 from fastswing_planner.printing import say

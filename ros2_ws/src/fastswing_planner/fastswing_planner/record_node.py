@@ -21,9 +21,9 @@ from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
 from fastswing_planner.bag_errors import BagError
-from fastswing_planner.bag_folder import BagFolder, check_folder
-from fastswing_planner.bag_metadata import BagTopic, OfferedQos
-from fastswing_planner.bag_writer import COMPRESSIONS, BagWriter, check_path
+from fastswing_planner.bags.folder import BagFolder, check_folder
+from fastswing_planner.bags.metadata import BagTopic, OfferedQos
+from fastswing_planner.bags.writer import COMPRESSIONS, BagWriter, check_path
 from fastswing_planner.errors import DuplicateName, UnknownName
 from fastswing_planner.managed_node import ManagedNode, run
 from fastswing_planner.message_definition import (

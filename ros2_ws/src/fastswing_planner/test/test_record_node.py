@@ -33,8 +33,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from fastswing_msgs.msg import SwingPlan
-from fastswing_planner.bag import open_bag
-from fastswing_planner.bag_writer import NOTES
+from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags.writer import NOTES
 
 pytestmark = pytest.mark.system
 

@@ -31,7 +31,7 @@ from fastswing_planner.analysis.recording_reading import read_recordings
 from fastswing_planner.analysis.swing_drawing import joint_styles, muscle_styles, save_swing
 from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.analysis.text_report import check_text, comparison_text, findings_text
-from fastswing_planner.bag import BagError, open_bag
+from fastswing_planner.bags.reader import BagError, open_bag
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError
 from fastswing_planner.printing import say
 from fastswing_planner.robot.description import load_robot

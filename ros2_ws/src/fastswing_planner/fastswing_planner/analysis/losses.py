@@ -4,8 +4,8 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fastswing_planner.bag import Bag, BagError
-from fastswing_planner.bag_writer import NOTES
+from fastswing_planner.bags.reader import Bag, BagError
+from fastswing_planner.bags.writer import NOTES
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 _COUNTED = ("rejected", "refused", "lost", "late_", "missed", "overruns", "dropped")

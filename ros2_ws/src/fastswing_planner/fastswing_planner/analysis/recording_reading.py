@@ -28,7 +28,7 @@ from fastswing_planner.analysis.swing_finding import (
     find_bursts,
 )
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.bag import Bag, BagError, Columns
+from fastswing_planner.bags.reader import Bag, BagError, Columns
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 MUSCLE_STATE = "fastswing_msgs/msg/MuscleState"

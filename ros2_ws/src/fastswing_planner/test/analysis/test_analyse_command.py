@@ -19,8 +19,8 @@ from fastswing_msgs.msg import CurrentCommand, InhibitionStatus, SwingPlan, Tens
 from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.losses import recorder_losses
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.bag_metadata import BagTopic
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.metadata import BagTopic
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.message_definition import definition_text
 
 ROBOT = Path(__file__).parents[4] / "src/musashi_muscle_bridge/description/musashi_left_arm.yaml"

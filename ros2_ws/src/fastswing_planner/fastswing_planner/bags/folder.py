@@ -6,8 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from fastswing_planner.bag_errors import BagError
-from fastswing_planner.bag_metadata import BagTopic, folder_yaml
-from fastswing_planner.bag_writer import BagExists, BagWriter
+from fastswing_planner.bags.metadata import BagTopic, folder_yaml
+from fastswing_planner.bags.writer import BagExists, BagWriter
 
 METADATA = "metadata.yaml"
 

@@ -9,8 +9,8 @@ import numpy as np
 from mcap.records import Channel, Metadata, Schema, Statistics
 
 from fastswing_planner.bag_errors import UnreadableBag
-from fastswing_planner.mcap_chunk import unpacked
-from fastswing_planner.mcap_messages import (
+from fastswing_planner.bags.mcap_chunk import unpacked
+from fastswing_planner.bags.mcap_records import (
     HEAD,
     MESSAGE,
     PREFIX,

@@ -23,8 +23,8 @@ from rosbags.rosbag2 import Reader
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from fastswing_planner.bag_metadata import BagTopic, OfferedQos
-from fastswing_planner.bag_writer import BagError, BagExists, BagWriter, InvalidBagPath
+from fastswing_planner.bags.metadata import BagTopic, OfferedQos
+from fastswing_planner.bags.writer import BagError, BagExists, BagWriter, InvalidBagPath
 from fastswing_planner.message_definition import definition_text, type_hash
 
 JOINTS = BagTopic(
@@ -302,7 +302,7 @@ time.sleep(60)
 
 def test_a_killed_writer_loses_at_most_its_last_chunk(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    command = [sys.executable, "-c", KILLED_WRITER, str(path), str(Path(__file__).parent)]
+    command = [sys.executable, "-c", KILLED_WRITER, str(path), str(Path(__file__).parents[1])]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "written\n"

@@ -19,8 +19,8 @@ from bag_builder import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.bag import open_bag
-from fastswing_planner.bag_export import MissingLibrary, data_frame, flat_columns, write_table
+from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags.table import MissingLibrary, data_frame, flat_columns, write_table
 from fastswing_planner.export_bag_command import main
 
 

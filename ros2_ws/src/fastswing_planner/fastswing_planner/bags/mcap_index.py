@@ -9,7 +9,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import ChunkIndex
 
-from fastswing_planner.mcap_messages import PREFIX
+from fastswing_planner.bags.mcap_records import PREFIX
 
 MAGIC = b"\x89MCAP0\r\n"
 _FOOTER = struct.Struct("<BQQQI")

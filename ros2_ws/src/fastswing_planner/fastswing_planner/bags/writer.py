@@ -9,7 +9,7 @@ from typing import IO, cast
 from mcap.writer import CompressionType, Writer
 
 from fastswing_planner.bag_errors import BagError
-from fastswing_planner.bag_metadata import BagSummary, BagTopic, metadata_yaml, qos_yaml
+from fastswing_planner.bags.metadata import BagSummary, BagTopic, metadata_yaml, qos_yaml
 from fastswing_planner.errors import InvalidRequest
 
 COMPRESSIONS = {

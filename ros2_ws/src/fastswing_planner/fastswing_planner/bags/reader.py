@@ -36,8 +36,11 @@ from fastswing_planner.bag_errors import (
     UnreadableBag,
     one_line,
 )
-from fastswing_planner.bag_files import bag_files
-from fastswing_planner.bag_writer import NOTES
+from fastswing_planner.bags.files import bag_files
+from fastswing_planner.bags.mcap_file import McapFile
+from fastswing_planner.bags.mcap_records import Messages, merged
+from fastswing_planner.bags.mcap_scan import scan
+from fastswing_planner.bags.writer import NOTES
 from fastswing_planner.cdr.columns import (
     ColumnDecoder,
     Columns,
@@ -48,9 +51,6 @@ from fastswing_planner.cdr.columns import (
 from fastswing_planner.cdr.idl import parse_ros2idl
 from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.schema import Schema, parse_ros2msg
-from fastswing_planner.mcap_file import McapFile
-from fastswing_planner.mcap_messages import Messages, merged
-from fastswing_planner.mcap_scan import scan
 
 __all__ = ["Bag", "BagError", "Columns", "TimeBase", "Topic", "open_bag"]
 

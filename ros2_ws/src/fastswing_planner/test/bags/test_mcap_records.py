@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from fastswing_planner.mcap_messages import MESSAGE, PREFIX, message_heads
+from fastswing_planner.bags.mcap_records import MESSAGE, PREFIX, message_heads
 
 SCHEMA = 3
 

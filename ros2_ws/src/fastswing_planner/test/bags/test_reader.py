@@ -31,8 +31,8 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
 
 import fastswing_planner
-from fastswing_planner.bag import Bag, BagError, open_bag
-from fastswing_planner.bag_writer import BagWriter
+from fastswing_planner.bags.reader import Bag, BagError, open_bag
+from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.cdr.columns import Columns
 
 POSITION = np.arange(100.0)
@@ -224,7 +224,7 @@ def test_every_way_to_write_a_file_is_read(tmp_path: Path, writer: str) -> None:
 
 
 def test_our_own_bags_are_read(tmp_path: Path) -> None:
-    from fastswing_planner.bag_metadata import BagTopic
+    from fastswing_planner.bags.metadata import BagTopic
 
     bag = BagWriter(tmp_path / "a.mcap")
     bag.add_topic(BagTopic("/joint_states", JOINT_STATE_NAME, JOINT_STATE))
@@ -577,7 +577,7 @@ READ_ALONE = """
 import sys
 for package in "rclpy ament_index_python sensor_msgs mcap_ros2 rosbags pandas pyarrow".split():
     sys.modules[package] = None
-from fastswing_planner.bag import open_bag
+from fastswing_planner.bags.reader import open_bag
 print(open_bag(sys.argv[1]).columns("/joint_states")["position"].sum())
 """
 

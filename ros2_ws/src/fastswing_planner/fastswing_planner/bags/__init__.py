@@ -1,0 +1,1 @@
+"""MCAP bags, read and written without ROS."""
