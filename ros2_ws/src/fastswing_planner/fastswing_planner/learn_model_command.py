@@ -12,7 +12,7 @@ import yaml
 from fastswing_planner.arrays import Matrix
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
-from fastswing_planner.muscle_samples import MuscleSamples, muscle_samples
+from fastswing_planner.learning.samples import MuscleSamples, muscle_samples
 from fastswing_planner.printing import say
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.learned_model import mjcf_hash

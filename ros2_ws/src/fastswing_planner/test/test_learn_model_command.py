@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fastswing_planner.learn_model_command import learned, main, report, write_description
-from fastswing_planner.muscle_samples import MuscleSamples
+from fastswing_planner.learning.samples import MuscleSamples
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.learned_model import mjcf_hash
 from fastswing_planner.robot.length_correction import save_correction

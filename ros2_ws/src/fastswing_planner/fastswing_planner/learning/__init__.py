@@ -1,0 +1,1 @@
+"""Muscle lengths and moment arms learned from bags."""
