@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import examine
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.analysis.recording_reading import read_recordings
-from fastswing_planner.analysis.swing_finding import FindingSettings
+from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.bags.reader import BagError, open_bag
 
 

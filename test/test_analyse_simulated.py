@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from fastswing_planner.analysis.finding import FindingSettings, fastest_joint_speed
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
 from fastswing_planner.analysis.recording import (
     CommandSeries,
@@ -15,7 +16,6 @@ from fastswing_planner.analysis.recording import (
     RecordedPlan,
     Recording,
 )
-from fastswing_planner.analysis.swing_finding import FindingSettings, fastest_joint_speed
 from fastswing_planner.execution.figures import SwingFigures
 from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner

@@ -22,8 +22,8 @@ from rounds import Program, Row, Samples, in_turns, row
 
 from fastswing_inhibitor.replay import replay
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.analysis.recording_reading import read_recordings
-from fastswing_planner.analysis.swing_finding import FindingSettings
+from fastswing_planner.analysis.finding import FindingSettings
+from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.message_definition import definition_text
 from fastswing_planner.robot.description import load_robot

@@ -22,14 +22,14 @@ from fastswing_planner.analysis.checks import (
 )
 from fastswing_planner.analysis.comparison import Difference, compare
 from fastswing_planner.analysis.comparison_drawing import comparison_pictures
+from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import BagFindings, examine
 from fastswing_planner.analysis.json_report import findings_record
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import MotorLimits, motor_limits
 from fastswing_planner.analysis.page import page
-from fastswing_planner.analysis.recording_reading import read_recordings
+from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.analysis.swing_drawing import joint_styles, muscle_styles, save_swing
-from fastswing_planner.analysis.swing_finding import FindingSettings
 from fastswing_planner.analysis.text_report import check_text, comparison_text, findings_text
 from fastswing_planner.bags.reader import BagError, open_bag
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from fastswing_planner.analysis.figures_table import FIGURES
+from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.analysis.topic_timing import TopicTiming
+from fastswing_planner.analysis.timing import TopicTiming
 from fastswing_planner.errors import PlannerError
 
 _TOPIC_FIGURES = {

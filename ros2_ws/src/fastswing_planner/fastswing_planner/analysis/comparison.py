@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fastswing_planner.analysis.figures_table import FIGURES
+from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.rank_sum import holm, least_p_value, rank_sum_p_value
 

@@ -6,14 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
-from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.analysis.swing_finding import (
+from fastswing_planner.analysis.finding import (
     FindingSettings,
     armed_intervals,
     segments,
 )
-from fastswing_planner.analysis.topic_timing import TopicTiming, topic_timing
+from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.analysis.timing import TopicTiming, topic_timing
 
 _MOST_JUMPS = 5
 """Of more places where a clock jumped only the number is told."""

@@ -6,7 +6,7 @@ from typing import Any
 
 from fastswing_planner.analysis.checks import CheckResult
 from fastswing_planner.analysis.comparison import Difference
-from fastswing_planner.analysis.figures_table import FIGURES
+from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
@@ -16,7 +16,7 @@ from fastswing_planner.analysis.motor_limits import (
     beyond_velocity,
     limits_known,
 )
-from fastswing_planner.analysis.topic_timing import TopicTiming
+from fastswing_planner.analysis.timing import TopicTiming
 
 
 def findings_record(

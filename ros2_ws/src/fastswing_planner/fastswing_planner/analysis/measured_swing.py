@@ -5,15 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fastswing_planner.analysis.inhibition_intervals import Inhibition, inhibitions, within
-from fastswing_planner.analysis.latency import InhibitionLatency, inhibition_latency
-from fastswing_planner.analysis.recording import (
-    JointSeries,
-    MuscleSeries,
-    RecordedPlan,
-    Recording,
-)
-from fastswing_planner.analysis.swing_finding import (
+from fastswing_planner.analysis.finding import (
     STAMP_JITTER_SEC,
     Burst,
     FindingSettings,
@@ -21,6 +13,14 @@ from fastswing_planner.analysis.swing_finding import (
     find_bursts,
     moved_towards,
     swing_command,
+)
+from fastswing_planner.analysis.inhibition_intervals import Inhibition, inhibitions, within
+from fastswing_planner.analysis.latency import InhibitionLatency, inhibition_latency
+from fastswing_planner.analysis.recording import (
+    JointSeries,
+    MuscleSeries,
+    RecordedPlan,
+    Recording,
 )
 from fastswing_planner.arrays import Matrix, Vector, frozen
 

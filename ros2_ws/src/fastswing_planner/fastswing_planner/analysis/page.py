@@ -10,7 +10,7 @@ import numpy as np
 
 from fastswing_planner.analysis.checks import CheckResult
 from fastswing_planner.analysis.comparison import Difference, Spread
-from fastswing_planner.analysis.figures_table import FIGURES
+from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import (

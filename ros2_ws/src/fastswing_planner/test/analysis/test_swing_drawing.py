@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 
+from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, beyond_tension, beyond_velocity
 from fastswing_planner.analysis.recording import Recording
@@ -21,7 +22,6 @@ from fastswing_planner.analysis.swing_drawing import (
     save_swing,
     shortened,
 )
-from fastswing_planner.analysis.swing_finding import FindingSettings
 
 NAMES = ("#1", "#9", "#10")
 LIMITS = dict.fromkeys(NAMES, MotorLimit(0.3, 200.0, 450.0))

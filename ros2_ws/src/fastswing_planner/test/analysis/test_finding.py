@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.analysis.recording import CommandSeries, StatusSeries
-from fastswing_planner.analysis.swing_finding import (
+from fastswing_planner.analysis.finding import (
     FindingSettings,
     Interval,
     armed_intervals,
@@ -18,6 +17,7 @@ from fastswing_planner.analysis.swing_finding import (
     segments,
     swing_command,
 )
+from fastswing_planner.analysis.recording import CommandSeries, StatusSeries
 from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import InvalidLimit
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
 from fastswing_planner.analysis.recording import CommandSeries, JointSpeed, Recording
-from fastswing_planner.analysis.swing_finding import FindingSettings
 
 Recorded = Callable[..., Recording]
 PERIOD = 1.0 / 200.0

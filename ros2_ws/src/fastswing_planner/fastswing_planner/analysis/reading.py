@@ -7,6 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fastswing_planner.analysis.finding import (
+    FindingSettings,
+    armed_intervals,
+    fastest_joint_speed,
+    find_bursts,
+)
 from fastswing_planner.analysis.losses import DIAGNOSTICS, counted_losses, recorder_losses
 from fastswing_planner.analysis.recorded_plan import recorded_plan
 from fastswing_planner.analysis.recording import (
@@ -20,12 +26,6 @@ from fastswing_planner.analysis.recording import (
     StatusSeries,
     TopicTimes,
     plausible,
-)
-from fastswing_planner.analysis.swing_finding import (
-    FindingSettings,
-    armed_intervals,
-    fastest_joint_speed,
-    find_bursts,
 )
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.bags.reader import Bag, BagError, Columns

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fastswing_planner.analysis.finding import STAMP_JITTER_SEC
 from fastswing_planner.analysis.recording import TopicTimes
-from fastswing_planner.analysis.swing_finding import STAMP_JITTER_SEC
 from fastswing_planner.arrays import Vector
 
 GAP_PERIODS = 3.0

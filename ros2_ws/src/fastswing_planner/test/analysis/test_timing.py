@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.analysis.recording import TopicTimes
-from fastswing_planner.analysis.topic_timing import TopicTiming, topic_timing
+from fastswing_planner.analysis.timing import TopicTiming, topic_timing
 
 GRID = np.arange(200) / 100.0
 
