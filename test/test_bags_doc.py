@@ -7,8 +7,8 @@ import pytest
 import yaml
 
 from fastswing_planner.analysis.analyse_command import main
-from fastswing_planner.analysis.checks import parse_limits
 from fastswing_planner.analysis.figures import FIGURES
+from fastswing_planner.analysis.verdicts.checks import parse_limits
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEXT = (DOCS / "bags.md").read_text()

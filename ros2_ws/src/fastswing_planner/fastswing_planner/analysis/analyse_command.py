@@ -12,15 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fastswing_planner.analysis.checks import (
-    CheckResult,
-    Limits,
-    LimitsFileError,
-    check,
-    read_limits,
-    swing_label,
-)
-from fastswing_planner.analysis.comparison import Difference, compare
 from fastswing_planner.analysis.comparison_drawing import comparison_pictures
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import BagFindings, examine
@@ -31,6 +22,15 @@ from fastswing_planner.analysis.page import page
 from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.analysis.swing_drawing import joint_styles, muscle_styles, save_swing
 from fastswing_planner.analysis.text_report import check_text, comparison_text, findings_text
+from fastswing_planner.analysis.verdicts.checks import (
+    CheckResult,
+    Limits,
+    LimitsFileError,
+    check,
+    read_limits,
+    swing_label,
+)
+from fastswing_planner.analysis.verdicts.comparison import Difference, compare
 from fastswing_planner.bags.reader import BagError, open_bag
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError
 from fastswing_planner.printing import say

@@ -4,8 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from fastswing_planner.analysis.checks import CheckResult
-from fastswing_planner.analysis.comparison import Difference
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
@@ -17,6 +15,8 @@ from fastswing_planner.analysis.motor_limits import (
     limits_known,
 )
 from fastswing_planner.analysis.timing import TopicTiming
+from fastswing_planner.analysis.verdicts.checks import CheckResult
+from fastswing_planner.analysis.verdicts.comparison import Difference
 
 
 def findings_record(

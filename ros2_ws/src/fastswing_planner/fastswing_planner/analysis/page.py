@@ -8,8 +8,6 @@ from string import Template
 
 import numpy as np
 
-from fastswing_planner.analysis.checks import CheckResult
-from fastswing_planner.analysis.comparison import Difference, Spread
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
@@ -37,6 +35,8 @@ from fastswing_planner.analysis.text_report import (
     latency_cells,
     topic_cells,
 )
+from fastswing_planner.analysis.verdicts.checks import CheckResult
+from fastswing_planner.analysis.verdicts.comparison import Difference, Spread
 
 CONTENTS_FROM = 3
 """A page with at least so many swings has a table of contents."""

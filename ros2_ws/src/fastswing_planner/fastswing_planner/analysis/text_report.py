@@ -4,8 +4,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fastswing_planner.analysis.checks import CheckResult, swing_label
-from fastswing_planner.analysis.comparison import Difference, Spread
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
@@ -17,6 +15,8 @@ from fastswing_planner.analysis.motor_limits import (
     limits_known,
 )
 from fastswing_planner.analysis.timing import TopicTiming
+from fastswing_planner.analysis.verdicts.checks import CheckResult, swing_label
+from fastswing_planner.analysis.verdicts.comparison import Difference, Spread
 
 SWING_HEAD = (
     "swing",

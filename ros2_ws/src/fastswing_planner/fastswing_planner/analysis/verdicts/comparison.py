@@ -7,7 +7,7 @@ import numpy as np
 
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.analysis.rank_sum import holm, least_p_value, rank_sum_p_value
+from fastswing_planner.analysis.verdicts.rank_sum import holm, least_p_value, rank_sum_p_value
 
 SIGNIFICANT = 0.05
 """A smaller p-value counts as a difference."""

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from fastswing_planner.analysis.rank_sum import (
+from fastswing_planner.analysis.verdicts.rank_sum import (
     EXACT_COUNT,
     holm,
     least_p_value,

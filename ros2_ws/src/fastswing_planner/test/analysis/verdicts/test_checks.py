@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fastswing_planner.analysis.checks import (
+from fastswing_planner.analysis.figures import FIGURES
+from fastswing_planner.analysis.finding import FindingSettings
+from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.recording import Recording, TopicTimes
+from fastswing_planner.analysis.timing import TopicTiming, topic_timing
+from fastswing_planner.analysis.verdicts.checks import (
     Bounds,
     CheckResult,
     LimitsFileError,
@@ -16,11 +21,6 @@ from fastswing_planner.analysis.checks import (
     parse_limits,
     read_limits,
 )
-from fastswing_planner.analysis.figures import FIGURES
-from fastswing_planner.analysis.finding import FindingSettings
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
-from fastswing_planner.analysis.recording import Recording, TopicTimes
-from fastswing_planner.analysis.timing import TopicTiming, topic_timing
 
 LABEL = "run.mcap swing 1 (inhibit, at 3.98 s): "
 

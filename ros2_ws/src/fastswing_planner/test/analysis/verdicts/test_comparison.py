@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.analysis.comparison import Difference, compare, spread
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.text_report import comparison_cells
+from fastswing_planner.analysis.verdicts.comparison import Difference, compare, spread
 
 
 @pytest.fixture

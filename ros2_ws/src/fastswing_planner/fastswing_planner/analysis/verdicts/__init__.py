@@ -1,0 +1,1 @@
+"""Figures against limits, and recordings against each other."""
