@@ -11,7 +11,7 @@ from swing_bag import read_swings
 
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import MotorLimits, motor_limits
-from fastswing_planner.analysis.swing_drawing import (
+from fastswing_planner.analysis.report.swing_drawing import (
     PANELS,
     STYLE,
     joint_styles,

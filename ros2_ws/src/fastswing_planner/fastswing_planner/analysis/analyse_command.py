@@ -12,16 +12,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fastswing_planner.analysis.comparison_drawing import comparison_pictures
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import BagFindings, examine
-from fastswing_planner.analysis.json_report import findings_record
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import MotorLimits, motor_limits
-from fastswing_planner.analysis.page import page
 from fastswing_planner.analysis.reading import read_recordings
-from fastswing_planner.analysis.swing_drawing import joint_styles, muscle_styles, save_swing
-from fastswing_planner.analysis.text_report import check_text, comparison_text, findings_text
+from fastswing_planner.analysis.report.comparison_drawing import comparison_pictures
+from fastswing_planner.analysis.report.page import page
+from fastswing_planner.analysis.report.record import findings_record
+from fastswing_planner.analysis.report.swing_drawing import joint_styles, muscle_styles, save_swing
+from fastswing_planner.analysis.report.text import check_text, comparison_text, findings_text
 from fastswing_planner.analysis.verdicts.checks import (
     CheckResult,
     Limits,

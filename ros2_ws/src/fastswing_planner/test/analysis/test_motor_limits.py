@@ -8,11 +8,11 @@ import pytest
 
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import examine
-from fastswing_planner.analysis.json_report import findings_record
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, limits_known
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.analysis.text_report import beyond_text
+from fastswing_planner.analysis.report.record import findings_record
+from fastswing_planner.analysis.report.text import beyond_text
 
 Recorded = Callable[..., Recording]
 WIDE = dict.fromkeys(("#1", "#9", "#10"), MotorLimit(9.0, 200.0, 450.0))

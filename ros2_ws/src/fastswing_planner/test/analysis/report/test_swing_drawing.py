@@ -14,7 +14,7 @@ from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, beyond_tension, beyond_velocity
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.analysis.swing_drawing import (
+from fastswing_planner.analysis.report.swing_drawing import (
     PANELS,
     joint_styles,
     muscle_styles,

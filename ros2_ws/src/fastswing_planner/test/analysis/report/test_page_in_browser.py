@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-from fastswing_planner.analysis.comparison_drawing import comparison_pictures
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import BagFindings, examine
 from fastswing_planner.analysis.motor_limits import MotorLimit
-from fastswing_planner.analysis.page import page
 from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.analysis.report.comparison_drawing import comparison_pictures
+from fastswing_planner.analysis.report.page import page
 from fastswing_planner.analysis.verdicts.checks import CheckResult
 from fastswing_planner.analysis.verdicts.comparison import compare
 

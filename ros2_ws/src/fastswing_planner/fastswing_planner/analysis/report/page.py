@@ -18,15 +18,15 @@ from fastswing_planner.analysis.motor_limits import (
     drawn_limits,
     limits_known,
 )
-from fastswing_planner.analysis.page_style import CSS
-from fastswing_planner.analysis.swing_drawing import (
+from fastswing_planner.analysis.report.page_style import CSS
+from fastswing_planner.analysis.report.swing_drawing import (
     PANELS,
     LineStyle,
     joint_styles,
     muscle_styles,
     panel_svg,
 )
-from fastswing_planner.analysis.text_report import (
+from fastswing_planner.analysis.report.text import (
     LATENCY_TITLES,
     TOPIC_HEAD,
     beyond_text,

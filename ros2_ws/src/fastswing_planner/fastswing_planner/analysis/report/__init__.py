@@ -1,0 +1,1 @@
+"""What an analysis shows: text, record, pictures and page."""
