@@ -9,8 +9,8 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from fastswing_planner.managed_node import EVERY_NODE
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.managed_node import EVERY_NODE
+from fastswing_planner.lifecycle.parameters import Parameter
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"
 PACKAGES = ("fastswing_planner", "fastswing_inhibitor", "musashi_muscle_bridge")

@@ -63,7 +63,7 @@ def _plain_node(policy: Policy) -> Policy:
 
 
 def _managed_node(policy: Policy) -> Policy:
-    """Add what every node of this suite opens (`fastswing_planner/managed_node.py`)."""
+    """Add what every node of this suite opens (`fastswing_planner/lifecycle/managed_node.py`)."""
     return _plain_node(
         replace(
             policy,

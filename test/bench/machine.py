@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TypeVar
 
-from fastswing_planner.real_time import CoreSleep
+from fastswing_planner.lifecycle.real_time import CoreSleep
 
 AWAKE = ", no core sleeps"
 """Ends the names of rows that were measured by `wakeful`."""

@@ -27,12 +27,17 @@ from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known
 from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
-from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.managed_node import (
+    RAW_MESSAGES,
+    ROBOT_DESCRIPTION,
+    ManagedNode,
+    run,
+)
+from fastswing_planner.lifecycle.parameters import Parameter
+from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
+from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.planning.request import checked_threshold, posture
 from fastswing_planner.raw_messages import RawReader
-from fastswing_planner.real_time import CoreSleep, prevent_core_sleep
-from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.state_conversion import JointStateReader, RejectionCounter

@@ -22,12 +22,17 @@ from fastswing_planner.execution.swing_execution import (
     MuscleMeasurement,
 )
 from fastswing_planner.executor_links import ExecutorLinks
-from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.managed_node import (
+    RAW_MESSAGES,
+    ROBOT_DESCRIPTION,
+    ManagedNode,
+    run,
+)
+from fastswing_planner.lifecycle.parameters import Parameter
+from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.raw_messages import RawReader
-from fastswing_planner.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.state_conversion import (

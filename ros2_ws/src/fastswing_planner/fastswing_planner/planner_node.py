@@ -9,8 +9,8 @@ from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.error_code import error_code
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.plan_conversion import (
     outcome_to_message,
     request_from_message,

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
-from fastswing_planner.parameters import InvalidParameter
+from fastswing_planner.lifecycle.parameters import InvalidParameter
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.emulated_bus import Served
 from musashi_muscle_bridge.protocol import CommandFrame

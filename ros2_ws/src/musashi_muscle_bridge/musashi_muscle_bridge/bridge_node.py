@@ -21,9 +21,14 @@ from fastswing_msgs.msg import (
     TensionCommand,
 )
 from fastswing_planner.errors import InvalidLimit
-from fastswing_planner.managed_node import RAW_MESSAGES, ROBOT_DESCRIPTION, ManagedNode, run
-from fastswing_planner.parameters import Parameter
-from fastswing_planner.real_time import CoreSleep, prevent_core_sleep
+from fastswing_planner.lifecycle.managed_node import (
+    RAW_MESSAGES,
+    ROBOT_DESCRIPTION,
+    ManagedNode,
+    run,
+)
+from fastswing_planner.lifecycle.parameters import Parameter
+from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.bus import group_urls

@@ -1,6 +1,6 @@
 """The parameter that bridge and mock driver share."""
 
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.parameters import Parameter
 
 BUS_URL = Parameter(
     "bus_url",

@@ -7,7 +7,7 @@ import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen, unique_known
 from fastswing_planner.errors import InvalidRequest
-from fastswing_planner.parameters import InvalidParameter
+from fastswing_planner.lifecycle.parameters import InvalidParameter
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.plant import Plant

@@ -8,8 +8,8 @@ from typing import Any
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from fastswing_planner.managed_node import ManagedNode
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.managed_node import ManagedNode
+from fastswing_planner.lifecycle.parameters import Parameter
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """A slow reader of this kind makes no publisher wait, and none send again."""

@@ -11,8 +11,8 @@ from visualization_msgs.msg import MarkerArray
 
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.errors import InvalidRequest
-from fastswing_planner.managed_node import ROBOT_DESCRIPTION, run
-from fastswing_planner.parameters import InvalidParameter, Parameter
+from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, run
+from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from fastswing_planner.state_conversion import (

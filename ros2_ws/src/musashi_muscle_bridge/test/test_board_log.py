@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fastswing_planner.parameters import InvalidParameter
+from fastswing_planner.lifecycle.parameters import InvalidParameter
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_log import BoardLog

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.parameters import Parameter
 
 REAL_TIME = (
     Parameter(

@@ -23,8 +23,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.parameters import InvalidParameter, Parameter, check_all
-from fastswing_planner.real_time import (
+from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter, check_all
+from fastswing_planner.lifecycle.real_time import (
     REAL_TIME,
     ask_for_real_time,
     keep_what_there_is,

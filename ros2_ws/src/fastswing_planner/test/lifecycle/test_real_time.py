@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from fastswing_planner.real_time import CoreSleep, use_cores, use_priority
+from fastswing_planner.lifecycle.real_time import CoreSleep, use_cores, use_priority
 
 # A process of its own, with a second thread, and one that is started afterwards.
 PROGRAM = """
 import gc, json, os, sys, threading, time
 from pathlib import Path
-from fastswing_planner import real_time
+from fastswing_planner.lifecycle import real_time
 
 threading.Thread(target=time.sleep, args=(5,), daemon=True).start()
 refused = eval(sys.argv[1], vars(real_time))

@@ -1,7 +1,7 @@
 """Requests that come too late: what they asked for may no longer be wanted."""
 
 from fastswing_planner.errors import StaleRequest
-from fastswing_planner.parameters import Parameter
+from fastswing_planner.lifecycle.parameters import Parameter
 
 REQUEST_MAX_AGE = Parameter(
     "request_max_age",

@@ -3,7 +3,7 @@
 import pytest
 
 from fastswing_planner.errors import StaleRequest
-from fastswing_planner.request_age import check_request_stamp
+from fastswing_planner.lifecycle.request_age import check_request_stamp
 
 NOW = 1_700_000_000_000_000_000
 
