@@ -26,7 +26,7 @@ from fastswing_msgs.msg import (
 from fastswing_planner.analysis.motor_limits import MotorLimit
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 
 ROOT = Path(__file__).parents[1]
 

@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from fastswing_msgs.msg import ErrorCode, SwingOptions, SwingPlan
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.error_code import error_name
+from fastswing_planner.conversion.error_codes import error_name
 
 if TYPE_CHECKING:
     from test.conftest import Suite

@@ -26,7 +26,7 @@ from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 

@@ -24,7 +24,7 @@ from fastswing_msgs.msg import (
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 
 METHOD_VALUES = {"basic": 0, "inhibit": 1, "elongate": 2, "hybrid": 3}
 EPOCH_NS = 1_700_000_000 * 10**9

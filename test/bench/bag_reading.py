@@ -17,7 +17,7 @@ from fastswing_msgs.msg import CurrentOverride, MuscleState
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 
 TYPES = {
     "/joint_states": "sensor_msgs/msg/JointState",

@@ -27,7 +27,7 @@ from rclpy.serialization import deserialize_message
 from rounds import Row
 
 from fastswing_msgs.msg import CurrentOverride, MuscleState
-from fastswing_planner.raw_messages import STAMP, MessageTemplate
+from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.protocol import COMMAND_ROW

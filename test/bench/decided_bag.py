@@ -14,7 +14,7 @@ from fastswing_inhibitor.latency import LatencyHistogram
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.description import Robot
 
 TOPICS = {

@@ -17,11 +17,11 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import CurrentOverride
+from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate, RawReader
+from fastswing_planner.conversion.states import JointStateReader
 from fastswing_planner.lifecycle.real_time import keep_what_there_is, tighten_timers
-from fastswing_planner.raw_messages import STAMP, MessageTemplate, RawReader
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from fastswing_planner.state_conversion import JointStateReader
 
 _LEASE = Duration(nanosec=200_000_000)
 _LONG_SEC = 1e6

@@ -14,7 +14,7 @@ from std_msgs.msg import Header
 from fastswing_inhibitor.inhibition import Decision, Inhibition
 from fastswing_inhibitor.latency import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus
-from fastswing_planner.raw_messages import STAMP, MessageTemplate
+from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
 
 KEPT_TEMPLATES = 64
 """Sets of inhibited muscles; a swing has a few."""

@@ -25,7 +25,9 @@ from fastswing_inhibitor.latency import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known
-from fastswing_planner.error_code import error_code
+from fastswing_planner.conversion.error_codes import error_code
+from fastswing_planner.conversion.raw_messages import RawReader
+from fastswing_planner.conversion.states import JointStateReader, RejectionCounter
 from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
 from fastswing_planner.lifecycle.managed_node import (
     RAW_MESSAGES,
@@ -37,10 +39,8 @@ from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.planning.request import checked_threshold, posture
-from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from fastswing_planner.state_conversion import JointStateReader, RejectionCounter
 
 _MORE_RELEASES = 2
 _WATCHES = 5  # in the time after which silence ends a swing

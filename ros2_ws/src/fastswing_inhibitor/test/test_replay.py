@@ -32,7 +32,7 @@ from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.muscle_model import Payload
 

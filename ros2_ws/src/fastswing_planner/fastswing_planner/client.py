@@ -12,13 +12,13 @@ from rclpy.task import Future
 
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.error_code import error_from
-from fastswing_planner.errors import PlannerUnavailable, UnknownName
-from fastswing_planner.plan_conversion import (
+from fastswing_planner.conversion.error_codes import error_from
+from fastswing_planner.conversion.plans import (
     outcome_from_message,
     plan_from_message,
     request_to_message,
 )
+from fastswing_planner.errors import PlannerUnavailable, UnknownName
 from fastswing_planner.planning.plan import Outcome, SwingPlan
 from fastswing_planner.planning.request import Method, SwingRequest, checked_time_limit
 

@@ -12,7 +12,13 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import InhibitionStatus, LengthCommand, MuscleState
-from fastswing_planner.error_code import error_code
+from fastswing_planner.conversion.error_codes import error_code
+from fastswing_planner.conversion.raw_messages import RawReader
+from fastswing_planner.conversion.states import (
+    JointStateReader,
+    MuscleStateReader,
+    RejectionCounter,
+)
 from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.swing_execution import (
@@ -32,14 +38,8 @@ from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
-from fastswing_planner.raw_messages import RawReader
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from fastswing_planner.state_conversion import (
-    JointStateReader,
-    MuscleStateReader,
-    RejectionCounter,
-)
 from fastswing_planner.swing_goal import SwingGoal, SwingSurroundings
 
 _DEFAULTS = ExecutionSettings()

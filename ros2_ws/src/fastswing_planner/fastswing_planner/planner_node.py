@@ -7,15 +7,15 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.error_code import error_code
-from fastswing_planner.errors import PlannerError
-from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
-from fastswing_planner.lifecycle.parameters import Parameter
-from fastswing_planner.plan_conversion import (
+from fastswing_planner.conversion.error_codes import error_code
+from fastswing_planner.conversion.plans import (
     outcome_to_message,
     request_from_message,
     write_plan,
 )
+from fastswing_planner.errors import PlannerError
+from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.planning.swing import SETTING_RANGES, SwingSettings
 from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from

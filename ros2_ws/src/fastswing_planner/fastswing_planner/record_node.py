@@ -24,15 +24,15 @@ from fastswing_planner.bag_errors import BagError
 from fastswing_planner.bags.folder import BagFolder, check_folder
 from fastswing_planner.bags.metadata import BagTopic, OfferedQos
 from fastswing_planner.bags.writer import COMPRESSIONS, BagWriter, check_path
-from fastswing_planner.errors import DuplicateName, UnknownName
-from fastswing_planner.lifecycle.managed_node import ManagedNode, run
-from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
-from fastswing_planner.message_definition import (
+from fastswing_planner.conversion.definitions import (
     UnknownMessageType,
     definition_text,
     split_type_name,
     type_hash,
 )
+from fastswing_planner.errors import DuplicateName, UnknownName
+from fastswing_planner.lifecycle.managed_node import ManagedNode, run
+from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 
 _QUEUE_DEPTH = 1000
 

@@ -17,7 +17,7 @@ from rclpy.task import Future
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingOptions
 from fastswing_planner.command_line import OneLineParser, posture_argument
-from fastswing_planner.error_code import error_name
+from fastswing_planner.conversion.error_codes import error_name
 from fastswing_planner.errors import (
     InvalidRequest,
     NotReady,

@@ -14,7 +14,9 @@ from fastswing_msgs.msg import ErrorCode, SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.error_code import error_code, error_name
+from fastswing_planner.conversion.error_codes import error_code, error_name
+from fastswing_planner.conversion.figures_conversion import figures_to_message, predicted_figures
+from fastswing_planner.conversion.plans import payload_from_options
 from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.swing_execution import (
@@ -29,8 +31,6 @@ from fastswing_planner.execution.swing_execution import (
     refuse_muscles,
 )
 from fastswing_planner.executor_links import ExecutorLinks
-from fastswing_planner.figures_conversion import figures_to_message, predicted_figures
-from fastswing_planner.plan_conversion import payload_from_options
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot

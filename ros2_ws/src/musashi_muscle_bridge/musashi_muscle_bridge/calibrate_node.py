@@ -21,11 +21,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_msgs.msg import CurrentCommand, MuscleState
+from fastswing_planner.conversion.states import JointStateReader
 from fastswing_planner.errors import NotReady, PlannerError, StaleState, UnknownName
 from fastswing_planner.printing import say
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from fastswing_planner.state_conversion import JointStateReader
 from musashi_muscle_bridge.calibration import (
     MuscleReading,
     Pull,

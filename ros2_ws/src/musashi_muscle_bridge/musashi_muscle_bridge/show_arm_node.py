@@ -10,16 +10,16 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import MarkerArray
 
 from fastswing_msgs.msg import MuscleState
+from fastswing_planner.conversion.states import (
+    JointStateReader,
+    MuscleStateReader,
+    RejectionCounter,
+)
 from fastswing_planner.errors import InvalidRequest
 from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, run
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from fastswing_planner.state_conversion import (
-    JointStateReader,
-    MuscleStateReader,
-    RejectionCounter,
-)
 from musashi_muscle_bridge.arm_markers_conversion import ArmMarkers
 from musashi_muscle_bridge.polling_node import PollingNode, Sample
 

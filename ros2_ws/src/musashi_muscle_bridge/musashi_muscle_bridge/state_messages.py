@@ -10,7 +10,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.raw_messages import MessageTemplate
+from fastswing_planner.conversion.raw_messages import MessageTemplate
 from musashi_muscle_bridge.control_loop import Measurement
 from musashi_muscle_bridge.protocol import Fault
 

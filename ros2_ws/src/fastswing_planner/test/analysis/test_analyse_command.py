@@ -21,7 +21,7 @@ from fastswing_planner.analysis.losses import recorder_losses
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 
 ROBOT = Path(__file__).parents[4] / "src/musashi_muscle_bridge/description/musashi_left_arm.yaml"
 Recorded = Callable[..., Recording]

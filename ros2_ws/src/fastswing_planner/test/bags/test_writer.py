@@ -25,7 +25,7 @@ from std_msgs.msg import String
 
 from fastswing_planner.bags.metadata import BagTopic, OfferedQos
 from fastswing_planner.bags.writer import BagError, BagExists, BagWriter, InvalidBagPath
-from fastswing_planner.message_definition import definition_text, type_hash
+from fastswing_planner.conversion.definitions import definition_text, type_hash
 
 JOINTS = BagTopic(
     "/joint_states",

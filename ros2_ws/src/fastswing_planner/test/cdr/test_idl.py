@@ -8,7 +8,7 @@ from ament_index_python.packages import get_package_share_directory, get_package
 from fastswing_planner.bag_errors import UndecodableMessage
 from fastswing_planner.cdr.idl import parse_ros2idl
 from fastswing_planner.cdr.schema import Field, Repeat, parse_ros2msg
-from fastswing_planner.message_definition import definition_text
+from fastswing_planner.conversion.definitions import definition_text
 
 NAME = "lab_msgs/msg/Odd"
 

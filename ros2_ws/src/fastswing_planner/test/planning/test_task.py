@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from fastswing_msgs.msg import ErrorCode
-from fastswing_planner.error_code import error_code, error_from, error_name
+from fastswing_planner.conversion.error_codes import error_code, error_from, error_name
 from fastswing_planner.errors import (
     DuplicateName,
     InvalidLimit,

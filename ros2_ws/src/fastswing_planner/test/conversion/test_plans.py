@@ -13,6 +13,15 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from fastswing_msgs.msg import ErrorCode, SwingOptions, SwingTrajectory
 from fastswing_msgs.srv import PlanSwing
+from fastswing_planner.conversion.figures_conversion import predicted_figures
+from fastswing_planner.conversion.plans import (
+    outcome_from_message,
+    outcome_to_message,
+    plan_from_message,
+    plan_to_message,
+    request_from_message,
+    request_to_message,
+)
 from fastswing_planner.errors import (
     HoldingInfeasible,
     InvalidLimit,
@@ -21,15 +30,6 @@ from fastswing_planner.errors import (
     SwingBlocked,
     UnknownMethod,
     WrongLength,
-)
-from fastswing_planner.figures_conversion import predicted_figures
-from fastswing_planner.plan_conversion import (
-    outcome_from_message,
-    outcome_to_message,
-    plan_from_message,
-    plan_to_message,
-    request_from_message,
-    request_to_message,
 )
 from fastswing_planner.planning.mask_search import Verdict
 from fastswing_planner.planning.plan import Outcome, SwingPlan, SwingPlanner

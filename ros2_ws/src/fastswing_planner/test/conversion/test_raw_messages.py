@@ -17,9 +17,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, MuscleState
+from fastswing_planner.conversion.definitions import definition_text
+from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate, RawReader
 from fastswing_planner.errors import InvalidRequest
-from fastswing_planner.message_definition import definition_text
-from fastswing_planner.raw_messages import STAMP, MessageTemplate, RawReader
 
 MUSCLE_NUMBERS = ("length", "velocity", "tension", "current", "temperature")
 

@@ -22,8 +22,8 @@ from fastswing_planner.bag_errors import UndecodableMessage
 from fastswing_planner.cdr.columns import DTYPES
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of
 from fastswing_planner.cdr.schema import Repeat, Schema, is_message, parse_ros2msg
+from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.errors import InvalidRequest
-from fastswing_planner.message_definition import definition_text
 
 Message = TypeVar("Message")
 

@@ -17,8 +17,8 @@ from fastswing_msgs.msg import (
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.arrays import Vector, frozen, frozen_flags
-from fastswing_planner.error_code import error_code, error_from
-from fastswing_planner.figures_conversion import table
+from fastswing_planner.conversion.error_codes import error_code, error_from
+from fastswing_planner.conversion.figures_conversion import table
 from fastswing_planner.planning.mask_search import Trial, Verdict
 from fastswing_planner.planning.plan import Outcome, SwingPlan
 from fastswing_planner.planning.request import (

@@ -5,7 +5,7 @@ from rclpy.serialization import serialize_message
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sensor_msgs.msg import JointState
 
-from fastswing_planner.message_definition import (
+from fastswing_planner.conversion.definitions import (
     SEPARATOR,
     UnknownMessageType,
     definition_text,
