@@ -109,7 +109,7 @@ def test_the_table_of_nodes_gives_each_node_its_name() -> None:
 
 def test_the_table_of_topics_names_what_is_recorded_or_shown_with_its_type() -> None:
     named = {code(row[0]): code(row[1]).replace("/", "/msg/") for row in table("topic")}
-    recorded: dict[str, str] = import_module("fastswing_planner.record_node").TYPES
+    recorded: dict[str, str] = import_module("fastswing_planner.nodes.recorder").TYPES
     shown = {"arm_markers": "visualization_msgs/msg/MarkerArray"}
     assert named == shown | {name: kind for name, kind in recorded.items() if name != "diagnostics"}
 
@@ -178,8 +178,10 @@ def test_every_file_named_exists() -> None:
 def test_numbers_that_are_defaults_are_still_the_defaults() -> None:
     bridge = {row.name: row for row in import_module("musashi_muscle_bridge.bridge_node").TABLE}
     inhibitor = {row.name: row for row in import_module("fastswing_inhibitor.inhibitor_node").TABLE}
-    executor = {row.name: row for row in import_module("fastswing_planner.executor_node").TABLE}
-    planner = {row.name: row for row in import_module("fastswing_planner.planner_node").TABLE}
+    executor = {
+        row.name: row for row in import_module("fastswing_planner.nodes.swing_executor").TABLE
+    }
+    planner = {row.name: row for row in import_module("fastswing_planner.nodes.planner").TABLE}
     text = " ".join(README.split())
     assert f"`watchdog_timeout`, {bridge['watchdog_timeout'].default:g} s" in text
     assert f"`{bridge['watchdog_action'].default}`, the default" in text

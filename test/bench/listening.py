@@ -11,7 +11,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from fastswing_planner.record_node import WithInfo
+from fastswing_planner.nodes.recorder import WithInfo
 
 _READY_SEC = 30.0
 _SLICE_SEC = 0.05

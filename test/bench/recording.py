@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from fastswing_msgs.msg import InhibitionStatus
 from fastswing_planner.bags.reader import open_bag
-from fastswing_planner.record_node import message_class
+from fastswing_planner.nodes.recorder import message_class
 
 RATE_HZ = 1000.0
 DOMAIN = 91
@@ -35,7 +35,7 @@ def record_four_topics(folder: Path, seconds: float, *options: str) -> dict[str,
     os.environ["ROS_DOMAIN_ID"] = str(DOMAIN)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     output = folder / "bag.mcap"
-    command = [sys.executable, "-m", "fastswing_planner.record_node", "--ros-args"]
+    command = [sys.executable, "-m", "fastswing_planner.nodes.recorder", "--ros-args"]
     recorder = subprocess.Popen([*command, "-p", f"output:={output}", *options])
     rclpy.init()
     try:

@@ -26,10 +26,10 @@ setup(
             "export_bag = fastswing_planner.export_bag_command:main",
             "learn_model = fastswing_planner.learn_model_command:main",
             "plan = fastswing_planner.plan_command:main",
-            "planner = fastswing_planner.planner_node:main",
-            "record = fastswing_planner.record_node:main",
+            "planner = fastswing_planner.nodes.planner:main",
+            "record = fastswing_planner.nodes.recorder:main",
             "swing = fastswing_planner.swing_command:main",
-            "swing_executor = fastswing_planner.executor_node:main",
+            "swing_executor = fastswing_planner.nodes.swing_executor:main",
         ],
     },
 )

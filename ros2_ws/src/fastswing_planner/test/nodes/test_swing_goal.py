@@ -4,8 +4,8 @@ import pytest
 
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.errors import SwingAborted
+from fastswing_planner.nodes.swing_goal import _figures_of, _refuse_foreign_plan
 from fastswing_planner.robot.description import Robot
-from fastswing_planner.swing_goal import _figures_of, _refuse_foreign_plan
 
 
 def test_a_plan_for_other_muscles_is_refused(musashi: Robot) -> None:

@@ -27,7 +27,6 @@ from fastswing_planner.execution.swing_execution import (
     JointMeasurement,
     MuscleMeasurement,
 )
-from fastswing_planner.executor_links import ExecutorLinks
 from fastswing_planner.lifecycle.managed_node import (
     RAW_MESSAGES,
     ROBOT_DESCRIPTION,
@@ -36,11 +35,12 @@ from fastswing_planner.lifecycle.managed_node import (
 )
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
+from fastswing_planner.nodes.executor_links import ExecutorLinks
+from fastswing_planner.nodes.swing_goal import SwingGoal, SwingSurroundings
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from fastswing_planner.swing_goal import SwingGoal, SwingSurroundings
 
 _DEFAULTS = ExecutionSettings()
 _RESULT_KEPT_SEC = 60

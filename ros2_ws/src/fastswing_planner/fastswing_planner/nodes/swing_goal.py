@@ -30,7 +30,7 @@ from fastswing_planner.execution.swing_execution import (
     SwingExecution,
     refuse_muscles,
 )
-from fastswing_planner.executor_links import ExecutorLinks
+from fastswing_planner.nodes.executor_links import ExecutorLinks
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot

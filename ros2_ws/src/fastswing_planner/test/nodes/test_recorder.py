@@ -60,7 +60,7 @@ class World:
             self._executor.spin_once(timeout_sec=0.05)
 
     def start(self, *arguments: str, **options: Any) -> "subprocess.Popen[str]":
-        command = [sys.executable, "-m", "fastswing_planner.record_node", "--ros-args"]
+        command = [sys.executable, "-m", "fastswing_planner.nodes.recorder", "--ros-args"]
         environment = {
             **os.environ,
             "ROS_DOMAIN_ID": str(DOMAIN),

@@ -1,0 +1,1 @@
+"""The planner, the swing executor and the recorder."""
