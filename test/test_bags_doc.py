@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.verdicts.checks import parse_limits
+from fastswing_planner.commands.analyse import main
 
 DOCS = Path(__file__).parents[1] / "docs"
 TEXT = (DOCS / "bags.md").read_text()

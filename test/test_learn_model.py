@@ -16,9 +16,9 @@ from fastswing_msgs.msg import MuscleState
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter
+from fastswing_planner.commands.learn_model import main
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.errors import OutOfRange
-from fastswing_planner.learn_model_command import main
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.planning.swing import SwingSettings

@@ -22,13 +22,13 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "analyse = fastswing_planner.analysis.analyse_command:main",
-            "export_bag = fastswing_planner.export_bag_command:main",
-            "learn_model = fastswing_planner.learn_model_command:main",
-            "plan = fastswing_planner.plan_command:main",
+            "analyse = fastswing_planner.commands.analyse:main",
+            "export_bag = fastswing_planner.commands.export_bag:main",
+            "learn_model = fastswing_planner.commands.learn_model:main",
+            "plan = fastswing_planner.commands.plan:main",
             "planner = fastswing_planner.nodes.planner:main",
             "record = fastswing_planner.nodes.recorder:main",
-            "swing = fastswing_planner.swing_command:main",
+            "swing = fastswing_planner.commands.swing:main",
             "swing_executor = fastswing_planner.nodes.swing_executor:main",
         ],
     },

@@ -11,8 +11,8 @@ from bag_of_swings import TYPES, BagOfSwings
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import CurrentOverride, LengthCommand, MuscleState, SwingPlan
-from fastswing_planner.analysis.analyse_command import PASSED, UNUSABLE, VIOLATED, main
 from fastswing_planner.analysis.recording import Recording
+from fastswing_planner.commands.analyse import PASSED, UNUSABLE, VIOLATED, main
 
 ROBOT = Path(__file__).parents[4] / "src/musashi_muscle_bridge/description/musashi_left_arm.yaml"
 ROUNDS = 24

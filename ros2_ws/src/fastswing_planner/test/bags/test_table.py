@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.table import MissingLibrary, data_frame, flat_columns, write_table
-from fastswing_planner.export_bag_command import main
+from fastswing_planner.commands.export_bag import main
 
 
 def rows(path: Path) -> list[dict[str, str]]:

@@ -16,11 +16,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header, String
 
 from fastswing_msgs.msg import CurrentCommand, InhibitionStatus, SwingPlan, TensionCommand
-from fastswing_planner.analysis.analyse_command import main
 from fastswing_planner.analysis.losses import recorder_losses
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter
+from fastswing_planner.commands.analyse import main
 from fastswing_planner.conversion.definitions import definition_text
 
 ROBOT = Path(__file__).parents[4] / "src/musashi_muscle_bridge/description/musashi_left_arm.yaml"
@@ -404,7 +404,7 @@ def test_notes_of_a_recorder_that_make_no_sense_are_a_line(lost: str) -> None:
 @pytest.mark.system
 def test_a_reader_that_has_seen_enough_is_no_error(bag: Path) -> None:
     program = (
-        "from fastswing_planner.analysis.analyse_command import main\n"
+        "from fastswing_planner.commands.analyse import main\n"
         f"raise SystemExit(main([{str(bag)!r}]))"
     )
     process = subprocess.Popen(
@@ -448,7 +448,7 @@ def test_without_ros_only_the_default_robot_is_missing(bag: Path) -> None:
         "import sys\n"
         "for name in ('rclpy', 'ament_index_python', 'fastswing_msgs', 'sensor_msgs'):\n"
         "    sys.modules[name] = None\n"
-        "from fastswing_planner.analysis.analyse_command import main\n"
+        "from fastswing_planner.commands.analyse import main\n"
         f"raise SystemExit(main([{str(bag)!r}]))"
     )
     command = [sys.executable, "-c", program]

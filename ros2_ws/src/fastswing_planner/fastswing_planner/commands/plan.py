@@ -11,13 +11,13 @@ from pathlib import Path
 from numpy.typing import ArrayLike
 
 from fastswing_planner.command_line import OneLineParser, numbers, posture_argument
+from fastswing_planner.commands.plan_report import comparison_record, plan_record, plan_text
 from fastswing_planner.errors import (
     InvalidRequest,
     PlannerError,
     RobotDescriptionError,
     WrongLength,
 )
-from fastswing_planner.plan_report import comparison_record, plan_record, plan_text
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.planning.request import (
     Method,
@@ -64,7 +64,7 @@ def _plan(arguments: argparse.Namespace) -> None:
     comparison = planner.compare(request, time.monotonic)
     if arguments.plot is not None:
         # Not needed for the rest, and slow to import.
-        from fastswing_planner.plan_picture import save_plan_picture
+        from fastswing_planner.commands.plan_picture import save_plan_picture
 
         limits = requested_limits(robot.model, robot.limits, request.constants)
         try:

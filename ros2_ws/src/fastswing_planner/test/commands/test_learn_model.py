@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fastswing_planner.learn_model_command import learned, main, report, write_description
+from fastswing_planner.commands.learn_model import learned, main, report, write_description
 from fastswing_planner.learning.samples import MuscleSamples
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.learned_model import mjcf_hash
