@@ -10,7 +10,7 @@ from std_msgs.msg import Header
 
 from fastswing_inhibitor.decision_messages import DecisionMessages
 from fastswing_inhibitor.inhibition import Arming, Inhibition, InhibitionSettings, JointNumbers
-from fastswing_inhibitor.latency import LatencyHistogram
+from fastswing_inhibitor.latency_histogram import LatencyHistogram
 from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter

@@ -12,7 +12,7 @@ from builtin_interfaces.msg import Duration, Time
 from std_msgs.msg import Header
 
 from fastswing_inhibitor.inhibition import Decision, Inhibition
-from fastswing_inhibitor.latency import LatencyHistogram
+from fastswing_inhibitor.latency_histogram import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus
 from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
 

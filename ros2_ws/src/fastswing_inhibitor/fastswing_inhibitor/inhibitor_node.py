@@ -21,7 +21,7 @@ from fastswing_inhibitor.inhibition import (
     JointNumbers,
     Reason,
 )
-from fastswing_inhibitor.latency import LatencyHistogram
+from fastswing_inhibitor.latency_histogram import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known

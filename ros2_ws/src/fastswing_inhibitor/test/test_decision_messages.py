@@ -14,7 +14,7 @@ from fastswing_inhibitor.decision_messages import (
     RawDecisionMessages,
 )
 from fastswing_inhibitor.inhibition import Decision, Reason
-from fastswing_inhibitor.latency import LatencyHistogram
+from fastswing_inhibitor.latency_histogram import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride
 from fastswing_planner.conversion.raw_messages import MessageTemplate
 

@@ -1,6 +1,6 @@
 """The histogram of how long decisions took."""
 
-from fastswing_inhibitor.latency import LatencyHistogram
+from fastswing_inhibitor.latency_histogram import LatencyHistogram
 
 
 def counted(*durations: float) -> LatencyHistogram:
