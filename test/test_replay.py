@@ -20,7 +20,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from fastswing_inhibitor.inhibition import InhibitionSettings, Reason
-from fastswing_inhibitor.replay import replay
+from fastswing_inhibitor.replay.replay import replay
 from fastswing_msgs.msg import ErrorCode, InhibitionStatus, SwingPlan
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.bags.metadata import BagTopic
@@ -88,7 +88,7 @@ class Player:
         self.clock_ns: list[int] = []
         self.suite = suite
         suite.node.create_subscription(Clock, "/clock", self._on_clock, QoSProfile(depth=100))
-        command = [sys.executable, "-m", "fastswing_inhibitor.replay_command", str(bag)]
+        command = [sys.executable, "-m", "fastswing_inhibitor.replay.command", str(bag)]
         self.process = subprocess.Popen(
             [*command, "--publish", *options],
             env=isolated_environment(suite.domain),

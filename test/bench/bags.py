@@ -20,7 +20,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rounds import Program, Row, Samples, in_turns, row
 
-from fastswing_inhibitor.replay import replay
+from fastswing_inhibitor.replay.replay import replay
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.reading import read_recordings

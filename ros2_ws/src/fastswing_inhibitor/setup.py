@@ -22,7 +22,7 @@ setup(
     entry_points={
         "console_scripts": [
             "inhibitor = fastswing_inhibitor.inhibitor_node:main",
-            "replay = fastswing_inhibitor.replay_command:main",
+            "replay = fastswing_inhibitor.replay.command:main",
         ],
     },
 )

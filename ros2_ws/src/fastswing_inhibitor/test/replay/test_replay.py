@@ -16,7 +16,6 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from fastswing_inhibitor import replay_command
 from fastswing_inhibitor.inhibition import (
     Arming,
     Decision,
@@ -25,8 +24,9 @@ from fastswing_inhibitor.inhibition import (
     JointNumbers,
     Reason,
 )
-from fastswing_inhibitor.replay import Replay, UnusableForReplay, WhatIf, replay
-from fastswing_inhibitor.replay_text import replay_text
+from fastswing_inhibitor.replay import command as replay_command
+from fastswing_inhibitor.replay.replay import Replay, UnusableForReplay, WhatIf, replay
+from fastswing_inhibitor.replay.text import replay_text
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, SwingPlan
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.bags.metadata import BagTopic

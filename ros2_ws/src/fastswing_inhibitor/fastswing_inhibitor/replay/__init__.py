@@ -1,0 +1,1 @@
+"""The inhibitor's decisions made again from a bag."""
