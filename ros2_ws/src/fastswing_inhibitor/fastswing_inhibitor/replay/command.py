@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         if options.publish:
             # Only this needs ROS.
-            from fastswing_inhibitor.replay_node import publish
+            from fastswing_inhibitor.player.node import publish
 
             return publish(options)
         return _replay(options)

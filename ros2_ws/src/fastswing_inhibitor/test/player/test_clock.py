@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_inhibitor.replay_clock import ReplayClock
+from fastswing_inhibitor.player.clock import ReplayClock
 from fastswing_planner.errors import InvalidLimit
 
 RATES = st.floats(0.1, 10.0)

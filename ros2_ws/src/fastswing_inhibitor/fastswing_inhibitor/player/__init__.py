@@ -1,0 +1,1 @@
+"""A bag published again."""
