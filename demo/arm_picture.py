@@ -20,8 +20,8 @@ from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.arm_markers_conversion import LINKS, ArmMarkers
+from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.closed_loop import Sample
-from musashi_muscle_bridge.protocol import Mode
 from musashi_muscle_bridge.simulate_swing import simulated_swing
 
 IMAGE = Path(__file__).parents[1] / "docs/images/arm_markers.png"

@@ -11,8 +11,8 @@ from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot
+from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.closed_loop import ClosedLoop
-from musashi_muscle_bridge.protocol import Mode
 
 Vector = NDArray[np.float64]
 

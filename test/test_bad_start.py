@@ -15,8 +15,8 @@ import yaml
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
 
-from musashi_muscle_bridge.serial_bus import SerialBus
-from musashi_muscle_bridge.udp_bus import UdpBoardPort
+from musashi_muscle_bridge.buses.serial_bus import SerialBus
+from musashi_muscle_bridge.buses.udp_bus import UdpBoardPort
 from test.other_arms import TWO_LINK_ARM
 
 if TYPE_CHECKING:

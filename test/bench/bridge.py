@@ -30,7 +30,7 @@ from fastswing_msgs.msg import CurrentOverride, MuscleState
 from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from musashi_muscle_bridge.protocol import COMMAND_ROW
+from musashi_muscle_bridge.buses.protocol import COMMAND_ROW
 
 QUESTION = (
     "How soon is a reply of the boards published, how soon is an override on the wire, and how "

@@ -34,7 +34,7 @@ from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.execution.posture_path import encoder_lengths
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from musashi_muscle_bridge.protocol import COMMAND_ROW
+from musashi_muscle_bridge.buses.protocol import COMMAND_ROW
 
 QUESTION = (
     "How long does it take from a change of the encoders to zero current on the boards, and where "

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from lab_bus_page import PAGE, install_lab_bus
 
-from musashi_muscle_bridge.bus import BOARD_ENDS, BRIDGE_ENDS
+from musashi_muscle_bridge.buses.bus import BOARD_ENDS, BRIDGE_ENDS
 
 
 def test_the_example_has_about_60_lines() -> None:

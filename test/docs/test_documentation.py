@@ -8,7 +8,7 @@ import pytest
 from parameter_page import PACKAGES, PAGE, NodeTable, declared_tables, executables, page
 
 from fastswing_msgs.msg import ErrorCode, MuscleState
-from musashi_muscle_bridge.protocol import Fault, WatchdogAction
+from musashi_muscle_bridge.buses.protocol import Fault, WatchdogAction
 
 ROOT = Path(__file__).parents[2]
 SOURCES = [

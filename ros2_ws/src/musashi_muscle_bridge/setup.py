@@ -37,12 +37,12 @@ setup(
         ],
         # A laboratory's own bus adds an entry to both, in a package of its own.
         "musashi_muscle_bridge.buses": [
-            "serial = musashi_muscle_bridge.serial_bus:SerialBus",
-            "udp = musashi_muscle_bridge.udp_bus:UdpBus",
+            "serial = musashi_muscle_bridge.buses.serial_bus:SerialBus",
+            "udp = musashi_muscle_bridge.buses.udp_bus:UdpBus",
         ],
         "musashi_muscle_bridge.board_ports": [
-            "serial = musashi_muscle_bridge.serial_bus:SerialBoardPort",
-            "udp = musashi_muscle_bridge.udp_bus:UdpBoardPort",
+            "serial = musashi_muscle_bridge.buses.serial_bus:SerialBoardPort",
+            "udp = musashi_muscle_bridge.buses.udp_bus:UdpBoardPort",
         ],
     },
 )

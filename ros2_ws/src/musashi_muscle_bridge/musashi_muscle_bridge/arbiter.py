@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen, made_frozen
+from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.commands import check_lease
-from musashi_muscle_bridge.protocol import Mode
 
 ModeVector = NDArray[np.uint8]
 

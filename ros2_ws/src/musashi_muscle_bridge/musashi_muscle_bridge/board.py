@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, constant
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.plant import Drive, Plant
-from musashi_muscle_bridge.plant_constants import plant_constants
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses.protocol import (
     JOINT_ROW,
     STATE_ROW,
     CommandFrame,
@@ -21,6 +19,8 @@ from musashi_muscle_bridge.protocol import (
     WatchdogAction,
     copied,
 )
+from musashi_muscle_bridge.plant import Drive, Plant
+from musashi_muscle_bridge.plant_constants import plant_constants
 
 _TENSION_GAIN = 0.01  # [m/s/N]
 _OVER_TENSION_FACTOR = 1.5  # of the tension limit, above which a board gives up

@@ -7,8 +7,7 @@ from fastswing_planner.arrays import BoolVector
 from fastswing_planner.robot.board_groups import BoardGroup
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.arbiter import Setpoints
-from musashi_muscle_bridge.errors import FrameError
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     STATE_ROW,
     CommandFrame,
@@ -18,6 +17,7 @@ from musashi_muscle_bridge.protocol import (
     StateFrame,
     WatchdogAction,
 )
+from musashi_muscle_bridge.errors import FrameError
 
 _CLEAR_FRAMES = 3
 _CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it

@@ -10,8 +10,8 @@ from collections.abc import Hashable
 import numpy as np
 
 from musashi_muscle_bridge.board import Boards
+from musashi_muscle_bridge.buses.protocol import CommandFrame, is_newer
 from musashi_muscle_bridge.errors import FrameError
-from musashi_muscle_bridge.protocol import CommandFrame, is_newer
 
 
 class BoardLink:

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from fastswing_planner.lifecycle.parameters import InvalidParameter
 from musashi_muscle_bridge.board import Boards
+from musashi_muscle_bridge.buses.protocol import CommandFrame
 from musashi_muscle_bridge.emulated_bus import Served
-from musashi_muscle_bridge.protocol import CommandFrame
 
 
 def _digits(values: NDArray) -> str:

@@ -31,8 +31,9 @@ from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from musashi_muscle_bridge.bus import group_urls
-from musashi_muscle_bridge.bus_parameters import BUS_URL
+from musashi_muscle_bridge.buses.bus import group_urls
+from musashi_muscle_bridge.buses.bus_parameters import BUS_URL
+from musashi_muscle_bridge.buses.protocol import Fault, Mode, WatchdogAction
 from musashi_muscle_bridge.commands import (
     check_lease,
     check_stream,
@@ -53,7 +54,6 @@ from musashi_muscle_bridge.orders import (
     Order,
     Override,
 )
-from musashi_muscle_bridge.protocol import Fault, Mode, WatchdogAction
 from musashi_muscle_bridge.state_messages import OrdinaryStates, RawStates, Stamp, reported_faults
 
 _COMMANDS = {

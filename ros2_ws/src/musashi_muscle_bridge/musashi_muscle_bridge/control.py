@@ -15,7 +15,7 @@ from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import MuscleModel
 from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits
 from musashi_muscle_bridge.board_group import GroupControl
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses.protocol import (
     JOINT_ROW,
     STATE_ROW,
     CommandFrame,

@@ -21,7 +21,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from musashi_muscle_bridge.bus import open_all, open_bus
+from musashi_muscle_bridge.buses.bus import open_all, open_bus
 from musashi_muscle_bridge.channel import Channel, channel_pair
 from musashi_muscle_bridge.control import ControlPeriod
 from musashi_muscle_bridge.control_loop import ControlLoop, LoopStatus, Measurement

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fastswing_planner.execution.swing_execution import Phase
-from musashi_muscle_bridge.protocol import Fault, Mode
+from musashi_muscle_bridge.buses.protocol import Fault, Mode
 from musashi_muscle_bridge.topic_pulse import TopicPulse
 
 STATE, JOINTS, OVERRIDE = "muscle_state", "joint_states", "current_override"

@@ -5,9 +5,9 @@ from collections.abc import Callable, Hashable
 from typing import NamedTuple
 
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.bus import BoardPort, Received
+from musashi_muscle_bridge.buses.bus import BoardPort, Received
+from musashi_muscle_bridge.buses.protocol import CommandFrame
 from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
-from musashi_muscle_bridge.protocol import CommandFrame
 
 
 class Served(NamedTuple):

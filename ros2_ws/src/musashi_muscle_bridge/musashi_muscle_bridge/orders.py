@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from fastswing_planner.arrays import Vector
+from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.control import ControlPeriod
-from musashi_muscle_bridge.protocol import Mode
 
 
 class Order(Protocol):

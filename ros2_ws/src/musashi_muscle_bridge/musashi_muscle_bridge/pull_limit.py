@@ -8,7 +8,7 @@ import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from musashi_muscle_bridge.arbiter import CommandLimits, Setpoints
-from musashi_muscle_bridge.protocol import Mode
+from musashi_muscle_bridge.buses.protocol import Mode
 
 _CURRENT = int(Mode.CURRENT)
 

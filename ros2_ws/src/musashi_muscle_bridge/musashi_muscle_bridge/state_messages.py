@@ -11,8 +11,8 @@ from std_msgs.msg import Header
 
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.conversion.raw_messages import MessageTemplate
+from musashi_muscle_bridge.buses.protocol import Fault
 from musashi_muscle_bridge.control_loop import Measurement
-from musashi_muscle_bridge.protocol import Fault
 
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _MUSCLE_VALUES = ("length", "velocity", "tension", "current", "temperature", "mode")

@@ -10,8 +10,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from fastswing_planner.arrays import Vector, frozen
 from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits, Setpoints
+from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.errors import CommandRejected
-from musashi_muscle_bridge.protocol import Mode
 
 NAMES = ("a", "b", "c")
 A, B, C = range(3)

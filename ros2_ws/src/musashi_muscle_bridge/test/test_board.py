@@ -5,7 +5,13 @@ import pytest
 
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.protocol import COMMAND_ROW, CommandFrame, Fault, Mode, WatchdogAction
+from musashi_muscle_bridge.buses.protocol import (
+    COMMAND_ROW,
+    CommandFrame,
+    Fault,
+    Mode,
+    WatchdogAction,
+)
 
 UP, DOWN = 0, 1
 WEIGHT = 20.0

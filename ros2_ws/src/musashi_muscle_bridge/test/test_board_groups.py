@@ -9,8 +9,14 @@ from fastswing_planner.robot.board_groups import BoardGroup
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
+from musashi_muscle_bridge.buses.protocol import (
+    CommandFrame,
+    Fault,
+    Mode,
+    StateFrame,
+    WatchdogAction,
+)
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
-from musashi_muscle_bridge.protocol import CommandFrame, Fault, Mode, StateFrame, WatchdogAction
 
 PERIOD = 0.002
 TIMEOUT = 0.1

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     CommandFrame,
     Fault,

@@ -11,8 +11,8 @@ from fastswing_planner.lifecycle.parameters import InvalidParameter
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_log import BoardLog
+from musashi_muscle_bridge.buses.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
 from musashi_muscle_bridge.emulated_bus import Served
-from musashi_muscle_bridge.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
 
 TIMEOUT = 0.1
 

@@ -10,9 +10,9 @@ from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.bus_line import BusLine
+from musashi_muscle_bridge.buses.protocol import CommandFrame, WatchdogAction
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.errors import BusTimeout
-from musashi_muscle_bridge.protocol import CommandFrame, WatchdogAction
 
 
 class SlowBus:

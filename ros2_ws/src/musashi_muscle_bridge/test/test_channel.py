@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from musashi_muscle_bridge.buses.protocol import JOINT_ROW, STATE_ROW, StateFrame
 from musashi_muscle_bridge.channel import Channel, channel_pair
 from musashi_muscle_bridge.control_loop import Measurement
-from musashi_muscle_bridge.protocol import JOINT_ROW, STATE_ROW, StateFrame
 
 
 @pytest.fixture

@@ -7,15 +7,15 @@ import pytest
 
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range, slack
-from musashi_muscle_bridge.errors import FrameError
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses.protocol import (
     CommandFrame,
     Fault,
     Mode,
     StateFrame,
     WatchdogAction,
 )
+from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range, slack
+from musashi_muscle_bridge.errors import FrameError
 
 PERIOD = 0.002
 

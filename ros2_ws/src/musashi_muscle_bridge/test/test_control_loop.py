@@ -14,6 +14,7 @@ from fastswing_planner.robot.board_groups import BoardGroup
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
+from musashi_muscle_bridge.buses.protocol import CommandFrame, Mode, StateFrame, WatchdogAction
 from musashi_muscle_bridge.channel import Channel, channel_pair
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.control_loop import ControlLoop, LoopStatus, Measurement
@@ -27,7 +28,6 @@ from musashi_muscle_bridge.orders import (
     Order,
     after_the_last_stop,
 )
-from musashi_muscle_bridge.protocol import CommandFrame, Mode, StateFrame, WatchdogAction
 
 SOON = 10.0
 SESSION = 77

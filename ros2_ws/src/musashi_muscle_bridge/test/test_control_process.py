@@ -15,13 +15,13 @@ import pytest
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.bus import open_board_port
+from musashi_muscle_bridge.buses.bus import open_board_port
+from musashi_muscle_bridge.buses.protocol import WatchdogAction
 from musashi_muscle_bridge.control import ControlPeriod, command_limits
 from musashi_muscle_bridge.control_loop import Measurement
 from musashi_muscle_bridge.control_process import ControlProcess, LoopTask
 from musashi_muscle_bridge.errors import BusError
 from musashi_muscle_bridge.orders import EmergencyStop, Heartbeat, Hold, Override
-from musashi_muscle_bridge.protocol import WatchdogAction
 
 SOON = 20.0
 SILENCE = 0.3

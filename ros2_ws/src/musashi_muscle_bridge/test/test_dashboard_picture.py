@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from musashi_muscle_bridge.buses.protocol import Fault, Mode
 from musashi_muscle_bridge.dashboard import (
     FEEDBACK,
     INHIBITION,
@@ -20,7 +21,6 @@ from musashi_muscle_bridge.dashboard import (
 )
 from musashi_muscle_bridge.dashboard_keys import KeyPad
 from musashi_muscle_bridge.dashboard_picture import picture
-from musashi_muscle_bridge.protocol import Fault, Mode
 from musashi_muscle_bridge.service_calls import ServiceCalls
 
 NAMES = [f"#{number}" for number in range(1, 11)]

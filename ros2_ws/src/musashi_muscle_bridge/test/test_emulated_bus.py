@@ -8,9 +8,9 @@ import numpy as np
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.bus import Received
+from musashi_muscle_bridge.buses.bus import Received
+from musashi_muscle_bridge.buses.protocol import COMMAND_ROW, CommandFrame, WatchdogAction
 from musashi_muscle_bridge.emulated_bus import EmulatedBus, Served
-from musashi_muscle_bridge.protocol import COMMAND_ROW, CommandFrame, WatchdogAction
 
 SEQUENCE, ARRIVED, READ, TAKEN = 7, 1.0, 2.0, 3.0
 

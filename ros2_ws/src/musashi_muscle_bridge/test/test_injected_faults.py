@@ -6,19 +6,19 @@ import pytest
 from fastswing_planner.lifecycle.parameters import InvalidParameter
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.injected_faults import (
-    ARM_FAULTS,
-    ArmFaults,
-    FaultyBoards,
-    chosen_muscles,
-)
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     CommandFrame,
     Fault,
     Mode,
     Rows,
     WatchdogAction,
+)
+from musashi_muscle_bridge.injected_faults import (
+    ARM_FAULTS,
+    ArmFaults,
+    FaultyBoards,
+    chosen_muscles,
 )
 
 UP, DOWN = 0, 1

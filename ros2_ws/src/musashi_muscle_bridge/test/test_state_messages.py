@@ -11,8 +11,8 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
+from musashi_muscle_bridge.buses.protocol import JOINT_ROW, STATE_ROW, Fault, StateFrame
 from musashi_muscle_bridge.control_loop import Measurement
-from musashi_muscle_bridge.protocol import JOINT_ROW, STATE_ROW, Fault, StateFrame
 from musashi_muscle_bridge.state_messages import (
     OrdinaryStates,
     RawStates,

@@ -9,7 +9,7 @@ import time
 from collections.abc import Hashable
 from urllib.parse import urlsplit
 
-from musashi_muscle_bridge.bus import MAX_FRAME, Received
+from musashi_muscle_bridge.buses.bus import MAX_FRAME, Received
 from musashi_muscle_bridge.errors import BusError, BusTimeout
 
 _Address = tuple[str, int]

@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from musashi_muscle_bridge.errors import BridgeError, FrameError
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     JOINT_ROW,
     STATE_ROW,
@@ -26,8 +25,9 @@ from musashi_muscle_bridge.protocol import (
     copied,
     is_newer,
 )
+from musashi_muscle_bridge.errors import BridgeError, FrameError
 
-REFERENCE = Path(__file__).parents[4] / "docs" / "board_protocol.md"
+REFERENCE = Path(__file__).parents[5] / "docs" / "board_protocol.md"
 
 # Header, command header, one row, CRC.
 GOLDEN_COMMAND = "465302010d0c0b0a040302010100000001016400030007000000003f0000c843000000415e00c970"

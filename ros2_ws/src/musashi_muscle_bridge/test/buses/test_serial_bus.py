@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from musashi_muscle_bridge.errors import BusError, BusTimeout
-from musashi_muscle_bridge.serial_bus import (
+from musashi_muscle_bridge.buses.serial_bus import (
     SerialAddress,
     SerialBoardPort,
     SerialBus,
     serial_address,
 )
+from musashi_muscle_bridge.errors import BusError, BusTimeout
 
 SOON = 10.0
 EXAMPLE = "such as serial:///dev/ttyACM0 or serial:///dev/ttyUSB0?baudrate=1000000"

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from musashi_muscle_bridge.cobs import FrameReader, decode, encode
+from musashi_muscle_bridge.buses.cobs import FrameReader, decode, encode
 from musashi_muscle_bridge.errors import FrameError
 
 MAX = 1000

@@ -4,8 +4,8 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
-from musashi_muscle_bridge import bus as bus_module
-from musashi_muscle_bridge.bus import (
+from musashi_muscle_bridge.buses import bus as bus_module
+from musashi_muscle_bridge.buses.bus import (
     BOARD_ENDS,
     BRIDGE_ENDS,
     group_urls,
@@ -39,8 +39,8 @@ def test_what_is_no_url_is_refused_with_the_reason() -> None:
     [
         ("no_such_module:Bus", "No module named 'no_such_module'"),
         (
-            "musashi_muscle_bridge.bus:NoSuchBus",
-            "module 'musashi_muscle_bridge.bus' has no attribute 'NoSuchBus'",
+            "musashi_muscle_bridge.buses.bus:NoSuchBus",
+            "module 'musashi_muscle_bridge.buses.bus' has no attribute 'NoSuchBus'",
         ),
     ],
 )

@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge import cobs
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.bus import BoardPort, Bus, Received, open_board_port, open_bus
-from musashi_muscle_bridge.errors import BusError, BusTimeout, FrameError
-from musashi_muscle_bridge.protocol import (
+from musashi_muscle_bridge.buses import cobs
+from musashi_muscle_bridge.buses.bus import BoardPort, Bus, Received, open_board_port, open_bus
+from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     JOINT_ROW,
     STATE_ROW,
@@ -28,6 +27,7 @@ from musashi_muscle_bridge.protocol import (
     StateFrame,
     WatchdogAction,
 )
+from musashi_muscle_bridge.errors import BusError, BusTimeout, FrameError
 
 LOST = 0.05
 """[s] to wait for what shall not come."""

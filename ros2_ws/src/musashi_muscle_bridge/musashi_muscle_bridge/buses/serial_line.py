@@ -8,8 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 
-from musashi_muscle_bridge import cobs
-from musashi_muscle_bridge.bus import MAX_FRAME
+from musashi_muscle_bridge.buses import cobs
+from musashi_muscle_bridge.buses.bus import MAX_FRAME
 
 _MAX_WAITING = 64  # frames; older ones give way
 _READ_SIZE = 65536

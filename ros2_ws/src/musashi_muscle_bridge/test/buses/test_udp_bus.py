@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from musashi_muscle_bridge.buses.udp_bus import UdpBoardPort, UdpBus, udp_address
 from musashi_muscle_bridge.errors import BusError, BusTimeout
-from musashi_muscle_bridge.udp_bus import UdpBoardPort, UdpBus, udp_address
 
 LOST = 0.05
 """[s] to wait for what shall not come."""

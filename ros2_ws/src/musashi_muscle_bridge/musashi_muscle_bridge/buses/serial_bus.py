@@ -15,9 +15,9 @@ from urllib.parse import parse_qsl, urlsplit
 
 import serial
 
-from musashi_muscle_bridge.bus import Received
+from musashi_muscle_bridge.buses.bus import Received
+from musashi_muscle_bridge.buses.serial_line import SerialLine
 from musashi_muscle_bridge.errors import BusError, BusTimeout
-from musashi_muscle_bridge.serial_line import SerialLine
 
 _BAUDRATE = 1_000_000
 _REOPEN_SEC = 0.1

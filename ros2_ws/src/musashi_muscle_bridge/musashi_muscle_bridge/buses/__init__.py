@@ -1,0 +1,1 @@
+"""Frames of the board protocol, and what carries them."""
