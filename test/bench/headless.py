@@ -20,7 +20,7 @@ from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import Mode, WatchdogAction
 from musashi_muscle_bridge.closed_loop import ClosedLoop
-from musashi_muscle_bridge.control import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
 from musashi_muscle_bridge.plant import arm_mjcf
 
 QUESTION = "How much faster than real time is the loop without ROS at 1 kHz, and with larger arms?"

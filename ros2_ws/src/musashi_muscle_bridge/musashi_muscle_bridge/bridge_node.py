@@ -34,18 +34,15 @@ from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.buses.bus import group_urls
 from musashi_muscle_bridge.buses.bus_parameters import BUS_URL
 from musashi_muscle_bridge.buses.protocol import Fault, Mode, WatchdogAction
-from musashi_muscle_bridge.commands import (
+from musashi_muscle_bridge.control.command_checks import (
     check_lease,
     check_stream,
     checked_age,
     checked_index,
     checked_values,
 )
-from musashi_muscle_bridge.control import ControlPeriod, command_limits, slack
-from musashi_muscle_bridge.control_loop import Measurement
-from musashi_muscle_bridge.control_process import ControlProcess, LoopTask
-from musashi_muscle_bridge.errors import CommandRejected
-from musashi_muscle_bridge.orders import (
+from musashi_muscle_bridge.control.loop import Measurement
+from musashi_muscle_bridge.control.orders import (
     ClearFaults,
     Command,
     EmergencyStop,
@@ -54,6 +51,9 @@ from musashi_muscle_bridge.orders import (
     Order,
     Override,
 )
+from musashi_muscle_bridge.control.period import ControlPeriod, command_limits, slack
+from musashi_muscle_bridge.control.process import ControlProcess, LoopTask
+from musashi_muscle_bridge.errors import CommandRejected
 from musashi_muscle_bridge.state_messages import OrdinaryStates, RawStates, Stamp, reported_faults
 
 _COMMANDS = {

@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.conversion.raw_messages import MessageTemplate
 from musashi_muscle_bridge.buses.protocol import Fault
-from musashi_muscle_bridge.control_loop import Measurement
+from musashi_muscle_bridge.control.loop import Measurement
 
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _MUSCLE_VALUES = ("length", "velocity", "tension", "current", "temperature", "mode")

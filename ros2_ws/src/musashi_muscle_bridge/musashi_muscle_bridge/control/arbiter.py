@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen, made_frozen
 from musashi_muscle_bridge.buses.protocol import Mode
-from musashi_muscle_bridge.commands import check_lease
+from musashi_muscle_bridge.control.command_checks import check_lease
 
 ModeVector = NDArray[np.uint8]
 

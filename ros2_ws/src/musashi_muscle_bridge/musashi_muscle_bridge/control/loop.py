@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector
-from musashi_muscle_bridge.bus_line import BusLine
 from musashi_muscle_bridge.buses.bus import Bus
 from musashi_muscle_bridge.buses.protocol import StateFrame
-from musashi_muscle_bridge.channel import Channel
-from musashi_muscle_bridge.control import ControlPeriod, ControlReport
-from musashi_muscle_bridge.loop_timing import LoopTiming, Schedule
-from musashi_muscle_bridge.orders import EmergencyStop, after_the_last_stop
+from musashi_muscle_bridge.control.bus_line import BusLine
+from musashi_muscle_bridge.control.channel import Channel
+from musashi_muscle_bridge.control.loop_timing import LoopTiming, Schedule
+from musashi_muscle_bridge.control.orders import EmergencyStop, after_the_last_stop
+from musashi_muscle_bridge.control.period import ControlPeriod, ControlReport
 
 _STATUS_PERIOD_SEC = 0.1
 _LOST_FRAMES = 5

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from fastswing_planner.arrays import Vector
 from musashi_muscle_bridge.buses.protocol import Mode
-from musashi_muscle_bridge.control import ControlPeriod
+from musashi_muscle_bridge.control.period import ControlPeriod
 
 
 class Order(Protocol):

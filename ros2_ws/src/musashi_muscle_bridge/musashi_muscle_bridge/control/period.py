@@ -13,8 +13,6 @@ from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.robot.board_groups import whole_robot
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import MuscleModel
-from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits
-from musashi_muscle_bridge.board_group import GroupControl
 from musashi_muscle_bridge.buses.protocol import (
     JOINT_ROW,
     STATE_ROW,
@@ -23,7 +21,9 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.pull_limit import limited_pull, pulls
+from musashi_muscle_bridge.control.arbiter import CommandArbiter, CommandLimits
+from musashi_muscle_bridge.control.board_group import GroupControl
+from musashi_muscle_bridge.control.pull_limit import limited_pull, pulls
 
 _MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond
 

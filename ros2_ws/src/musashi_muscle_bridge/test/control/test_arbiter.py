@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from fastswing_planner.arrays import Vector, frozen
-from musashi_muscle_bridge.arbiter import CommandArbiter, CommandLimits, Setpoints
 from musashi_muscle_bridge.buses.protocol import Mode
+from musashi_muscle_bridge.control.arbiter import CommandArbiter, CommandLimits, Setpoints
 from musashi_muscle_bridge.errors import CommandRejected
 
 NAMES = ("a", "b", "c")

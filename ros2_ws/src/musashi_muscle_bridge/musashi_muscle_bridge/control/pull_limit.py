@@ -7,8 +7,8 @@ boards' own limit pays out only when the tension is too high already.
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from musashi_muscle_bridge.arbiter import CommandLimits, Setpoints
 from musashi_muscle_bridge.buses.protocol import Mode
+from musashi_muscle_bridge.control.arbiter import CommandLimits, Setpoints
 
 _CURRENT = int(Mode.CURRENT)
 

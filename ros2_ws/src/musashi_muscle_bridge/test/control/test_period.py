@@ -14,7 +14,7 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.control import ControlPeriod, command_limits, length_range, slack
+from musashi_muscle_bridge.control.period import ControlPeriod, command_limits, length_range, slack
 from musashi_muscle_bridge.errors import FrameError
 
 PERIOD = 0.002

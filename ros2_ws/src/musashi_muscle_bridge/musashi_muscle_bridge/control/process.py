@@ -22,11 +22,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from musashi_muscle_bridge.buses.bus import open_all, open_bus
-from musashi_muscle_bridge.channel import Channel, channel_pair
-from musashi_muscle_bridge.control import ControlPeriod
-from musashi_muscle_bridge.control_loop import ControlLoop, LoopStatus, Measurement
+from musashi_muscle_bridge.control.channel import Channel, channel_pair
+from musashi_muscle_bridge.control.loop import ControlLoop, LoopStatus, Measurement
+from musashi_muscle_bridge.control.orders import Order
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.errors import BusError
-from musashi_muscle_bridge.orders import Order
 
 _START_SEC = 30.0
 _STOP_SEC = 2.0
@@ -36,7 +36,7 @@ _KEPT = 4
 """Measurements that may wait for their publication: fresh ones matter more than all of them."""
 _OLD_SEC = 0.1
 """Age of measurements that are not published any more."""
-_PROGRAM = "from musashi_muscle_bridge.control_process import main; main()"
+_PROGRAM = "from musashi_muscle_bridge.control.process import main; main()"
 
 
 @dataclass(frozen=True)

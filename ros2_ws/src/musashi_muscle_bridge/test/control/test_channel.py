@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from musashi_muscle_bridge.buses.protocol import JOINT_ROW, STATE_ROW, StateFrame
-from musashi_muscle_bridge.channel import Channel, channel_pair
-from musashi_muscle_bridge.control_loop import Measurement
+from musashi_muscle_bridge.control.channel import Channel, channel_pair
+from musashi_muscle_bridge.control.loop import Measurement
 
 
 @pytest.fixture

@@ -2,9 +2,9 @@
 
 import time
 
-from musashi_muscle_bridge.board_group import GroupControl
 from musashi_muscle_bridge.buses.bus import Bus
 from musashi_muscle_bridge.buses.protocol import CommandFrame, StateFrame, is_newer
+from musashi_muscle_bridge.control.board_group import GroupControl
 from musashi_muscle_bridge.errors import BusError, BusTimeout, FrameError
 
 _MAX_FRAMES_PER_PERIOD = 64  # whatever floods the bus, the next command goes out

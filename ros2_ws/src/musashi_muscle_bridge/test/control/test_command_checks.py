@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from musashi_muscle_bridge.commands import (
+from musashi_muscle_bridge.control.command_checks import (
     check_lease,
     check_stream,
     checked_age,

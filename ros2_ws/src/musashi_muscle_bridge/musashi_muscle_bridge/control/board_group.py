@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from fastswing_planner.arrays import BoolVector
 from fastswing_planner.robot.board_groups import BoardGroup
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.arbiter import Setpoints
 from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     STATE_ROW,
@@ -17,6 +16,7 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
+from musashi_muscle_bridge.control.arbiter import Setpoints
 from musashi_muscle_bridge.errors import FrameError
 
 _CLEAR_FRAMES = 3

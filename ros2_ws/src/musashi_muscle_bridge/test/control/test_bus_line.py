@@ -9,9 +9,9 @@ import pytest
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
-from musashi_muscle_bridge.bus_line import BusLine
 from musashi_muscle_bridge.buses.protocol import CommandFrame, WatchdogAction
-from musashi_muscle_bridge.control import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.bus_line import BusLine
+from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
 from musashi_muscle_bridge.errors import BusTimeout
 
 

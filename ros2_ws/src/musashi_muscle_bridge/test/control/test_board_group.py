@@ -16,7 +16,7 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.control import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
 
 PERIOD = 0.002
 TIMEOUT = 0.1

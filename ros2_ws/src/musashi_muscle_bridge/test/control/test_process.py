@@ -17,11 +17,11 @@ from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.bus import open_board_port
 from musashi_muscle_bridge.buses.protocol import WatchdogAction
-from musashi_muscle_bridge.control import ControlPeriod, command_limits
-from musashi_muscle_bridge.control_loop import Measurement
-from musashi_muscle_bridge.control_process import ControlProcess, LoopTask
+from musashi_muscle_bridge.control.loop import Measurement
+from musashi_muscle_bridge.control.orders import EmergencyStop, Heartbeat, Hold, Override
+from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.process import ControlProcess, LoopTask
 from musashi_muscle_bridge.errors import BusError
-from musashi_muscle_bridge.orders import EmergencyStop, Heartbeat, Hold, Override
 
 SOON = 20.0
 SILENCE = 0.3
@@ -246,7 +246,7 @@ def boards_of_musashi(musashi: Robot) -> Iterator[FarEnd]:
 
 
 def test_when_the_node_is_killed_its_control_process_ends(boards_of_musashi: FarEnd) -> None:
-    here = Path(__file__).parent
+    here = Path(__file__).parents[1]
     robot = here.parent / "description/musashi_left_arm.yaml"
     command = [sys.executable, "-c", NODE, str(here), str(robot), boards_of_musashi.url]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from musashi_muscle_bridge.loop_timing import LoopTiming, Schedule
+from musashi_muscle_bridge.control.loop_timing import LoopTiming, Schedule
 
 PERIOD = 0.01
 

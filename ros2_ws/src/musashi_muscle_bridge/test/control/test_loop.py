@@ -15,11 +15,9 @@ from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.protocol import CommandFrame, Mode, StateFrame, WatchdogAction
-from musashi_muscle_bridge.channel import Channel, channel_pair
-from musashi_muscle_bridge.control import ControlPeriod, command_limits
-from musashi_muscle_bridge.control_loop import ControlLoop, LoopStatus, Measurement
-from musashi_muscle_bridge.errors import BusError, BusTimeout
-from musashi_muscle_bridge.orders import (
+from musashi_muscle_bridge.control.channel import Channel, channel_pair
+from musashi_muscle_bridge.control.loop import ControlLoop, LoopStatus, Measurement
+from musashi_muscle_bridge.control.orders import (
     ClearFaults,
     Command,
     EmergencyStop,
@@ -28,6 +26,8 @@ from musashi_muscle_bridge.orders import (
     Order,
     after_the_last_stop,
 )
+from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.errors import BusError, BusTimeout
 
 SOON = 10.0
 SESSION = 77

@@ -1,0 +1,1 @@
+"""Who commands a muscle; the control loop and its process."""
