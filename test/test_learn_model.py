@@ -26,8 +26,8 @@ from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import MuscleModel
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
+from musashi_muscle_bridge.emulation.boards import Boards
 
 PATH_ERROR = 0.010
 """[m] every point of every muscle path is off by, in a direction of its own."""

@@ -33,9 +33,9 @@ from fastswing_planner.execution.swing_execution import (
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import Fault, Mode, StateFrame, WatchdogAction
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.emulation.boards import Boards
 
 # Plain numbers: they compare much faster than an enumeration's members.
 _NO_FAULT, _ZERO_CURRENT = int(Fault.NONE), int(Mode.ZERO_CURRENT)

@@ -14,8 +14,6 @@ import numpy as np
 import pytest
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses import cobs
 from musashi_muscle_bridge.buses.bus import BoardPort, Bus, Received, open_board_port, open_bus
 from musashi_muscle_bridge.buses.protocol import (
@@ -27,6 +25,8 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
+from musashi_muscle_bridge.emulation.board_link import BoardLink
+from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import BusError, BusTimeout, FrameError
 
 LOST = 0.05

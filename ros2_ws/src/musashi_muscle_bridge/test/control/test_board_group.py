@@ -7,8 +7,6 @@ import pytest
 
 from fastswing_planner.robot.board_groups import BoardGroup
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.protocol import (
     CommandFrame,
     Fault,
@@ -17,6 +15,8 @@ from musashi_muscle_bridge.buses.protocol import (
     WatchdogAction,
 )
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.emulation.board_link import BoardLink
+from musashi_muscle_bridge.emulation.boards import Boards
 
 PERIOD = 0.002
 TIMEOUT = 0.1

@@ -5,9 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import Mode, StateFrame, WatchdogAction
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.emulation.boards import Boards
 
 PERIOD = 0.002
 TIMEOUT = 0.1

@@ -12,8 +12,6 @@ import pytest
 
 from fastswing_planner.robot.board_groups import BoardGroup
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.protocol import CommandFrame, Mode, StateFrame, WatchdogAction
 from musashi_muscle_bridge.control.channel import Channel, channel_pair
 from musashi_muscle_bridge.control.loop import ControlLoop, LoopStatus, Measurement
@@ -27,6 +25,8 @@ from musashi_muscle_bridge.control.orders import (
     after_the_last_stop,
 )
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.emulation.board_link import BoardLink
+from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import BusError, BusTimeout
 
 SOON = 10.0

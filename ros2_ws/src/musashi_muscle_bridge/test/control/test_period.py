@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import (
     CommandFrame,
     Fault,
@@ -15,6 +14,7 @@ from musashi_muscle_bridge.buses.protocol import (
     WatchdogAction,
 )
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits, length_range, slack
+from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import FrameError
 
 PERIOD = 0.002

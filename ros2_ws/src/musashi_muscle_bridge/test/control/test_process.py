@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.bus import open_board_port
 from musashi_muscle_bridge.buses.protocol import WatchdogAction
 from musashi_muscle_bridge.control.loop import Measurement
 from musashi_muscle_bridge.control.orders import EmergencyStop, Heartbeat, Hold, Override
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
 from musashi_muscle_bridge.control.process import ControlProcess, LoopTask
+from musashi_muscle_bridge.emulation.board_link import BoardLink
+from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import BusError
 
 SOON = 20.0

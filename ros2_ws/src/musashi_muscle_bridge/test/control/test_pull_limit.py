@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import Mode, WatchdogAction
 from musashi_muscle_bridge.control.arbiter import CommandLimits, Setpoints
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
 from musashi_muscle_bridge.control.pull_limit import limited_pull, pulls
+from musashi_muscle_bridge.emulation.boards import Boards
 
 PERIOD = 0.002
 TENSIONS = st.floats(0.0, 1e4)

@@ -5,7 +5,6 @@ import pytest
 
 from fastswing_planner.lifecycle.parameters import InvalidParameter
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     CommandFrame,
@@ -14,7 +13,8 @@ from musashi_muscle_bridge.buses.protocol import (
     Rows,
     WatchdogAction,
 )
-from musashi_muscle_bridge.injected_faults import (
+from musashi_muscle_bridge.emulation.boards import Boards
+from musashi_muscle_bridge.emulation.injected_faults import (
     ARM_FAULTS,
     ArmFaults,
     FaultyBoards,

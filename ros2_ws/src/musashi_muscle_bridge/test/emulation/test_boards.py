@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     CommandFrame,
@@ -12,6 +11,7 @@ from musashi_muscle_bridge.buses.protocol import (
     Mode,
     WatchdogAction,
 )
+from musashi_muscle_bridge.emulation.boards import Boards
 
 UP, DOWN = 0, 1
 WEIGHT = 20.0

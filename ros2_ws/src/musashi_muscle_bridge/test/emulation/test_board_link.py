@@ -8,8 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.protocol import (
     COMMAND_ROW,
     CommandFrame,
@@ -18,6 +16,8 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
+from musashi_muscle_bridge.emulation.board_link import BoardLink
+from musashi_muscle_bridge.emulation.boards import Boards
 
 TIMEOUT = 0.1
 BRIDGE, OTHER = ("127.0.0.1", 50000), ("127.0.0.1", 50001)

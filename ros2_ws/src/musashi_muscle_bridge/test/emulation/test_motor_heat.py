@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from musashi_muscle_bridge.motor_heat import MotorHeat
-from musashi_muscle_bridge.plant_constants import PlantConstants
+from musashi_muscle_bridge.emulation.motor_heat import MotorHeat
+from musashi_muscle_bridge.emulation.plant_constants import PlantConstants
 
 CONSTANTS = PlantConstants()
 CURRENT = 2.0

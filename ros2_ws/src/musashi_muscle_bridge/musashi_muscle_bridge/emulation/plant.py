@@ -16,8 +16,8 @@ from fastswing_planner.arrays import (
 from fastswing_planner.planning.ramp import ramp_bounds
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.mujoco_model import load_mjcf, object_names, sparse_places
-from musashi_muscle_bridge.motor_heat import MotorHeat
-from musashi_muscle_bridge.plant_constants import plant_constants
+from musashi_muscle_bridge.emulation.motor_heat import MotorHeat
+from musashi_muscle_bridge.emulation.plant_constants import plant_constants
 
 _HEAT_PERIOD = 0.01  # [s]
 _ZERO, _ONE = constant(0.0), constant(1.0)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
+from musashi_muscle_bridge.emulation.faulty_line import FaultyLine, LineFaults
 
 FRAME = bytes(range(40))
 delays = st.floats(0.0, 1.0)

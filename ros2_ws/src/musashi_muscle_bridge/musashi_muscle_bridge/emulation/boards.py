@@ -19,8 +19,8 @@ from musashi_muscle_bridge.buses.protocol import (
     WatchdogAction,
     copied,
 )
-from musashi_muscle_bridge.plant import Drive, Plant
-from musashi_muscle_bridge.plant_constants import plant_constants
+from musashi_muscle_bridge.emulation.plant import Drive, Plant
+from musashi_muscle_bridge.emulation.plant_constants import plant_constants
 
 _TENSION_GAIN = 0.01  # [m/s/N]
 _OVER_TENSION_FACTOR = 1.5  # of the tension limit, above which a board gives up

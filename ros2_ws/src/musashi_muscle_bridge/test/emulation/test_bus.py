@@ -6,11 +6,11 @@ from collections.abc import Hashable, Mapping
 import numpy as np
 
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.bus import Received
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW, CommandFrame, WatchdogAction
-from musashi_muscle_bridge.emulated_bus import EmulatedBus, Served
+from musashi_muscle_bridge.emulation.board_link import BoardLink
+from musashi_muscle_bridge.emulation.boards import Boards
+from musashi_muscle_bridge.emulation.bus import EmulatedBus, Served
 
 SEQUENCE, ARRIVED, READ, TAKEN = 7, 1.0, 2.0, 3.0
 

@@ -9,10 +9,10 @@ import pytest
 
 from fastswing_planner.lifecycle.parameters import InvalidParameter
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
-from musashi_muscle_bridge.board_log import BoardLog
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
-from musashi_muscle_bridge.emulated_bus import Served
+from musashi_muscle_bridge.emulation.board_log import BoardLog
+from musashi_muscle_bridge.emulation.boards import Boards
+from musashi_muscle_bridge.emulation.bus import Served
 
 TIMEOUT = 0.1
 

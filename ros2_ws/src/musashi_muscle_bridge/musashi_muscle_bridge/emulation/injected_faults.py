@@ -9,9 +9,9 @@ from fastswing_planner.arrays import BoolVector, Vector, frozen, unique_known
 from fastswing_planner.errors import InvalidRequest
 from fastswing_planner.lifecycle.parameters import InvalidParameter
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import Fault, StateFrame
-from musashi_muscle_bridge.plant import Plant
+from musashi_muscle_bridge.emulation.boards import Boards
+from musashi_muscle_bridge.emulation.plant import Plant
 
 _HOT = 120.0  # [deg C] of a motor that is made hot
 _SLIP = 0.02  # [m/s] between motor and encoder that is implausible

@@ -4,10 +4,10 @@ import math
 from collections.abc import Callable, Hashable
 from typing import NamedTuple
 
-from musashi_muscle_bridge.board_link import BoardLink
 from musashi_muscle_bridge.buses.bus import BoardPort, Received
 from musashi_muscle_bridge.buses.protocol import CommandFrame
-from musashi_muscle_bridge.faulty_line import FaultyLine, LineFaults
+from musashi_muscle_bridge.emulation.board_link import BoardLink
+from musashi_muscle_bridge.emulation.faulty_line import FaultyLine, LineFaults
 
 
 class Served(NamedTuple):

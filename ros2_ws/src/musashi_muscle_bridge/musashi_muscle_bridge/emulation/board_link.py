@@ -9,8 +9,8 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import CommandFrame, is_newer
+from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import FrameError
 
 

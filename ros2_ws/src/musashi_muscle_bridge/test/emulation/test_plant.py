@@ -8,8 +8,8 @@ import pytest
 
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.plant import Drive, Plant, arm_mjcf
-from musashi_muscle_bridge.plant_constants import PlantConstants, plant_constants
+from musashi_muscle_bridge.emulation.plant import Drive, Plant, arm_mjcf
+from musashi_muscle_bridge.emulation.plant_constants import PlantConstants, plant_constants
 
 UP, DOWN = 0, 1
 WEIGHT = 20.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fastswing_planner.arrays import Vector, frozen
-from musashi_muscle_bridge.plant_constants import PlantConstants
+from musashi_muscle_bridge.emulation.plant_constants import PlantConstants
 
 
 class MotorHeat:

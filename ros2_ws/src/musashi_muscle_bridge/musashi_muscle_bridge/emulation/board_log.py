@@ -20,9 +20,9 @@ from pathlib import Path
 from numpy.typing import NDArray
 
 from fastswing_planner.lifecycle.parameters import InvalidParameter
-from musashi_muscle_bridge.board import Boards
 from musashi_muscle_bridge.buses.protocol import CommandFrame
-from musashi_muscle_bridge.emulated_bus import Served
+from musashi_muscle_bridge.emulation.boards import Boards
+from musashi_muscle_bridge.emulation.bus import Served
 
 
 def _digits(values: NDArray) -> str:

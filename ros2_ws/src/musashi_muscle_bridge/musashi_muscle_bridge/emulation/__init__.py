@@ -1,0 +1,1 @@
+"""Emulated winches, wires, boards and faults."""
