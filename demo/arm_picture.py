@@ -21,8 +21,8 @@ from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.arm_markers_conversion import LINKS, ArmMarkers
 from musashi_muscle_bridge.buses.protocol import Mode
-from musashi_muscle_bridge.closed_loop import Sample
 from musashi_muscle_bridge.simulate_swing import simulated_swing
+from musashi_muscle_bridge.simulation.closed_loop import Sample
 
 IMAGE = Path(__file__).parents[1] / "docs/images/arm_markers.png"
 _CENTRE, _HALF = np.array([0.16, 0.10, 1.16]), 0.38  # [m] of what is shown

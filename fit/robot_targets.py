@@ -12,7 +12,7 @@ from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Mode
-from musashi_muscle_bridge.closed_loop import ClosedLoop
+from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop
 
 Vector = NDArray[np.float64]
 

@@ -20,7 +20,7 @@ from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from musashi_muscle_bridge.closed_loop import ClosedLoop, Sample
+from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop, Sample
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
 _ELBOW = "E-p"

@@ -23,7 +23,7 @@ from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from musashi_muscle_bridge.closed_loop import ClosedLoop, Sample
+from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop, Sample
 
 RATE = 500.0
 PERIOD = 1.0 / RATE

@@ -27,7 +27,7 @@ from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from musashi_muscle_bridge.closed_loop import ClosedLoop
+from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop
 
 pytestmark = pytest.mark.system
 

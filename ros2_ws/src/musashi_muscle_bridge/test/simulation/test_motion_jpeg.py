@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from musashi_muscle_bridge.motion_jpeg import motion_jpeg_mp4
+from musashi_muscle_bridge.simulation.motion_jpeg import motion_jpeg_mp4
 
 FRAMES = [b"\xff\xd8first\xff\xd9", b"\xff\xd8second one\xff\xd9"]
 _CONTAINERS = (b"moov", b"trak", b"mdia", b"minf", b"stbl", b"dinf")

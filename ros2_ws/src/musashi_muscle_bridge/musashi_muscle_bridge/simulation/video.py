@@ -16,7 +16,7 @@ from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
-from musashi_muscle_bridge.motion_jpeg import motion_jpeg_mp4
+from musashi_muscle_bridge.simulation.motion_jpeg import motion_jpeg_mp4
 
 Picture = NDArray[np.uint8]
 

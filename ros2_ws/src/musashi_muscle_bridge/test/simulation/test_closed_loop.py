@@ -9,7 +9,7 @@ from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Fault, Mode
-from musashi_muscle_bridge.closed_loop import ClosedLoop
+from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop
 
 PAPER_PEAK = {Method.BASIC: 2.6, Method.ELONGATE: 3.4, Method.INHIBIT: 3.7}
 """[rad/s] of E-p on the real robot."""

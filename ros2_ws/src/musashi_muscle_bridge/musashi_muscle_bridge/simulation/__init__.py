@@ -1,0 +1,1 @@
+"""The whole suite as one loop without ROS, and its films."""
