@@ -21,7 +21,7 @@ from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, run
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from musashi_muscle_bridge.dashboard import (
+from musashi_muscle_bridge.monitor.dashboard import (
     FEEDBACK,
     INHIBITION,
     JOINTS,
@@ -29,11 +29,11 @@ from musashi_muscle_bridge.dashboard import (
     STATE,
     Dashboard,
 )
-from musashi_muscle_bridge.dashboard_keys import CLEAR, QUIT, SERVICES, KeyPad, KeyReader
-from musashi_muscle_bridge.dashboard_picture import picture
+from musashi_muscle_bridge.monitor.keys import CLEAR, QUIT, SERVICES, KeyPad, KeyReader
+from musashi_muscle_bridge.monitor.picture import picture
+from musashi_muscle_bridge.monitor.service_calls import ServiceCalls
+from musashi_muscle_bridge.monitor.terminal import Terminal, TerminalError, require_terminal
 from musashi_muscle_bridge.polling_node import PollingNode
-from musashi_muscle_bridge.service_calls import ServiceCalls
-from musashi_muscle_bridge.terminal import Terminal, TerminalError, require_terminal
 
 _KEY_PERIOD_SEC = 0.02
 _REPORTS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -10,7 +10,7 @@ from typing import Any
 
 from fastswing_planner.execution.swing_execution import Phase
 from musashi_muscle_bridge.buses.protocol import Fault, Mode
-from musashi_muscle_bridge.topic_pulse import TopicPulse
+from musashi_muscle_bridge.monitor.topic_pulse import TopicPulse
 
 STATE, JOINTS, OVERRIDE = "muscle_state", "joint_states", "current_override"
 INHIBITION, FEEDBACK = "inhibition_status", "execute_swing/_action/feedback"

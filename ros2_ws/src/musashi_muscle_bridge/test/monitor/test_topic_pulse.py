@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from musashi_muscle_bridge.topic_pulse import TopicPulse
+from musashi_muscle_bridge.monitor.topic_pulse import TopicPulse
 
 
 @given(

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from musashi_muscle_bridge.dashboard_keys import CLEAR, QUIT, KeyPad, KeyReader
+from musashi_muscle_bridge.monitor.keys import CLEAR, QUIT, KeyPad, KeyReader
 
 CONTROL_SEQUENCES = st.builds(
     lambda parameters, between, last: b"\x1b[" + parameters + between + last,

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from musashi_muscle_bridge.buses.protocol import Fault, Mode
-from musashi_muscle_bridge.dashboard import (
+from musashi_muscle_bridge.monitor.dashboard import (
     FEEDBACK,
     INHIBITION,
     OVERRIDE,
     STATE,
     Dashboard,
 )
-from musashi_muscle_bridge.dashboard_keys import KeyPad
-from musashi_muscle_bridge.dashboard_picture import picture
-from musashi_muscle_bridge.service_calls import ServiceCalls
+from musashi_muscle_bridge.monitor.keys import KeyPad
+from musashi_muscle_bridge.monitor.picture import picture
+from musashi_muscle_bridge.monitor.service_calls import ServiceCalls
 
 NAMES = [f"#{number}" for number in range(1, 11)]
 LIMIT = 450.0

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from rich.console import Group
 from rich.text import Text
 
-from musashi_muscle_bridge.dashboard import (
+from musashi_muscle_bridge.monitor.dashboard import (
     JOINTS,
     LEVELS,
     OVERRIDE,
@@ -19,8 +19,8 @@ from musashi_muscle_bridge.dashboard import (
     MuscleRow,
     NodeReport,
 )
-from musashi_muscle_bridge.dashboard_keys import KeyPad
-from musashi_muscle_bridge.service_calls import ServiceCalls
+from musashi_muscle_bridge.monitor.keys import KeyPad
+from musashi_muscle_bridge.monitor.service_calls import ServiceCalls
 
 _NAME_CELLS = (6, 12)  # at least and at most
 _HEAD = " length tension           limit current temp  mode"
