@@ -19,7 +19,7 @@ from fastswing_planner.execution.swing_execution import MuscleMeasurement, Phase
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from musashi_muscle_bridge.arm_markers_conversion import LINKS, ArmMarkers
+from musashi_muscle_bridge.arm_view.markers import LINKS, ArmMarkers
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.simulate_swing import simulated_swing
 from musashi_muscle_bridge.simulation.closed_loop import Sample

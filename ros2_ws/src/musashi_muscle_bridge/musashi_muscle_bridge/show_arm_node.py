@@ -20,7 +20,7 @@ from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, run
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from musashi_muscle_bridge.arm_markers_conversion import ArmMarkers
+from musashi_muscle_bridge.arm_view.markers import ArmMarkers
 from musashi_muscle_bridge.polling_node import PollingNode, Sample
 
 TABLE = (

@@ -11,7 +11,7 @@ from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.mjcf_names import object_names, tendon_indices
 from fastswing_planner.robot.mujoco_model import load_mjcf
-from musashi_muscle_bridge.wrapped_path import wrapped_arc
+from musashi_muscle_bridge.arm_view.wrapped_path import wrapped_arc
 
 _SHOWN_GROUPS = 3  # MuJoCo's own viewer shows groups 0 to 2 unless asked for more
 _PULLEY = -2  # in MuJoCo's wrap_obj: the path goes on somewhere else

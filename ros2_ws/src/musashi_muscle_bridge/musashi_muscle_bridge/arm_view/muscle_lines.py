@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fastswing_planner.arrays import Matrix, Vector
-from musashi_muscle_bridge.arm_shapes import Path
+from musashi_muscle_bridge.arm_view.shapes import Path
 
 Colour = tuple[float, float, float]
 

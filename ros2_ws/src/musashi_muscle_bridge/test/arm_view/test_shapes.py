@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
-from musashi_muscle_bridge.arm_shapes import ArmShapes, Form
-from musashi_muscle_bridge.muscle_lines import path_length
-from musashi_muscle_bridge.wrapped_path import wrapped_arc
+from musashi_muscle_bridge.arm_view.muscle_lines import path_length
+from musashi_muscle_bridge.arm_view.shapes import ArmShapes, Form
+from musashi_muscle_bridge.arm_view.wrapped_path import wrapped_arc
 
 SHARES = st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5)
 

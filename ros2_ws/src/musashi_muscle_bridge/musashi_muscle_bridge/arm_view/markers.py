@@ -11,8 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.execution.swing_execution import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.arm_shapes import ArmShapes, Form, Solid
-from musashi_muscle_bridge.muscle_lines import (
+from musashi_muscle_bridge.arm_view.muscle_lines import (
     SLACK_COLOUR,
     Colour,
     dashes,
@@ -20,6 +19,7 @@ from musashi_muscle_bridge.muscle_lines import (
     segments,
     tension_colour,
 )
+from musashi_muscle_bridge.arm_view.shapes import ArmShapes, Form, Solid
 
 LINKS, MUSCLES, LIMP = "links", "muscles", "zero_current"
 """The markers' namespaces. The last one is the outline of muscles at zero current."""

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from musashi_muscle_bridge.muscle_lines import (
+from musashi_muscle_bridge.arm_view.muscle_lines import (
     SLACK_COLOUR,
     dashes,
     path_length,

@@ -1,0 +1,1 @@
+"""The arm's shapes and muscles as markers."""
