@@ -176,7 +176,7 @@ def test_every_file_named_exists() -> None:
 
 
 def test_numbers_that_are_defaults_are_still_the_defaults() -> None:
-    bridge = {row.name: row for row in import_module("musashi_muscle_bridge.bridge_node").TABLE}
+    bridge = {row.name: row for row in import_module("musashi_muscle_bridge.nodes.bridge").TABLE}
     inhibitor = {row.name: row for row in import_module("fastswing_inhibitor.inhibitor_node").TABLE}
     executor = {
         row.name: row for row in import_module("fastswing_planner.nodes.swing_executor").TABLE

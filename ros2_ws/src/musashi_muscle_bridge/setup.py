@@ -27,11 +27,11 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "bridge = musashi_muscle_bridge.bridge_node:main",
+            "bridge = musashi_muscle_bridge.nodes.bridge:main",
             "calibrate = musashi_muscle_bridge.calibrate_node:main",
-            "mock_driver = musashi_muscle_bridge.mock_driver_node:main",
-            "monitor = musashi_muscle_bridge.monitor_node:main",
-            "show_arm = musashi_muscle_bridge.show_arm_node:main",
+            "mock_driver = musashi_muscle_bridge.nodes.mock_driver:main",
+            "monitor = musashi_muscle_bridge.nodes.monitor:main",
+            "show_arm = musashi_muscle_bridge.nodes.show_arm:main",
             "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
             "view_swing = musashi_muscle_bridge.view_swing:main",
         ],

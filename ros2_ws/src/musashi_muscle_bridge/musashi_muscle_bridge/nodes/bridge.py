@@ -54,7 +54,12 @@ from musashi_muscle_bridge.control.orders import (
 from musashi_muscle_bridge.control.period import ControlPeriod, command_limits, slack
 from musashi_muscle_bridge.control.process import ControlProcess, LoopTask
 from musashi_muscle_bridge.errors import CommandRejected
-from musashi_muscle_bridge.state_messages import OrdinaryStates, RawStates, Stamp, reported_faults
+from musashi_muscle_bridge.nodes.state_messages import (
+    OrdinaryStates,
+    RawStates,
+    Stamp,
+    reported_faults,
+)
 
 _COMMANDS = {
     Mode.LENGTH: (LengthCommand, "length_command", "length"),

@@ -33,7 +33,7 @@ from musashi_muscle_bridge.monitor.keys import CLEAR, QUIT, SERVICES, KeyPad, Ke
 from musashi_muscle_bridge.monitor.picture import picture
 from musashi_muscle_bridge.monitor.service_calls import ServiceCalls
 from musashi_muscle_bridge.monitor.terminal import Terminal, TerminalError, require_terminal
-from musashi_muscle_bridge.polling_node import PollingNode
+from musashi_muscle_bridge.nodes.polling import PollingNode
 
 _KEY_PERIOD_SEC = 0.02
 _REPORTS = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from fastswing_msgs.msg import MuscleState
 from musashi_muscle_bridge.buses.protocol import JOINT_ROW, STATE_ROW, Fault, StateFrame
 from musashi_muscle_bridge.control.loop import Measurement
-from musashi_muscle_bridge.state_messages import (
+from musashi_muscle_bridge.nodes.state_messages import (
     OrdinaryStates,
     RawStates,
     Stamp,

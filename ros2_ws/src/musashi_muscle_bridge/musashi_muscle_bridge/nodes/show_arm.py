@@ -21,7 +21,7 @@ from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.arm_view.markers import ArmMarkers
-from musashi_muscle_bridge.polling_node import PollingNode, Sample
+from musashi_muscle_bridge.nodes.polling import PollingNode, Sample
 
 TABLE = (
     ROBOT_DESCRIPTION,

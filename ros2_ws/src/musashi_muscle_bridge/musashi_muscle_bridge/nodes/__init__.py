@@ -1,0 +1,1 @@
+"""The bridge, the mock driver, the monitor and the arm's markers."""
