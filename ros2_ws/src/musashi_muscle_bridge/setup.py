@@ -28,12 +28,12 @@ setup(
     entry_points={
         "console_scripts": [
             "bridge = musashi_muscle_bridge.nodes.bridge:main",
-            "calibrate = musashi_muscle_bridge.calibrate_node:main",
+            "calibrate = musashi_muscle_bridge.commands.calibrate:main",
             "mock_driver = musashi_muscle_bridge.nodes.mock_driver:main",
             "monitor = musashi_muscle_bridge.nodes.monitor:main",
             "show_arm = musashi_muscle_bridge.nodes.show_arm:main",
-            "simulate_swing = musashi_muscle_bridge.simulate_swing:main",
-            "view_swing = musashi_muscle_bridge.view_swing:main",
+            "simulate_swing = musashi_muscle_bridge.commands.simulate_swing:main",
+            "view_swing = musashi_muscle_bridge.commands.view_swing:main",
         ],
         # A laboratory's own bus adds an entry to both, in a package of its own.
         "musashi_muscle_bridge.buses": [

@@ -1,0 +1,1 @@
+"""What is called on the command line."""
