@@ -21,10 +21,9 @@ from fastswing_inhibitor.inhibition import (
     Reason,
 )
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from fastswing_planner.bag_errors import BagError
 from fastswing_planner.bags.reader import Bag
 from fastswing_planner.cdr.columns import Column
-from fastswing_planner.errors import PlannerError
+from fastswing_planner.errors import BagError, PlannerError
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"

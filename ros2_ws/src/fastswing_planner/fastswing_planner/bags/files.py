@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from fastswing_planner.bag_errors import UnreadableBag
+from fastswing_planner.errors import UnreadableBag
 
 
 def bag_files(paths: Sequence[Path], warnings: list[str]) -> list[Path]:

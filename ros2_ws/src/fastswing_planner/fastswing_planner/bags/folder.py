@@ -5,9 +5,9 @@ from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from fastswing_planner.bag_errors import BagError
 from fastswing_planner.bags.metadata import BagTopic, folder_yaml
 from fastswing_planner.bags.writer import BagExists, BagWriter
+from fastswing_planner.errors import BagError
 
 METADATA = "metadata.yaml"
 

@@ -8,7 +8,6 @@ from typing import BinaryIO
 import numpy as np
 from mcap.records import Channel, Metadata, Schema, Statistics
 
-from fastswing_planner.bag_errors import UnreadableBag
 from fastswing_planner.bags.mcap_chunk import unpacked
 from fastswing_planner.bags.mcap_records import (
     HEAD,
@@ -19,6 +18,7 @@ from fastswing_planner.bags.mcap_records import (
     message_heads,
     messages_at,
 )
+from fastswing_planner.errors import UnreadableBag
 
 _INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("place", "<u8")])
 

@@ -15,10 +15,10 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.records import Channel, Metadata, Schema, Statistics
 
-from fastswing_planner.bag_errors import UnreadableBag
 from fastswing_planner.bags.mcap_file import Block, McapFile, opened
 from fastswing_planner.bags.mcap_index import MAGIC, known_places
 from fastswing_planner.bags.mcap_records import MESSAGE, PREFIX, message_heads
+from fastswing_planner.errors import UnreadableBag
 
 _INDEX_HEAD = struct.Struct("<HI")
 _PLAIN_BLOCK = 1 << 20

@@ -28,14 +28,6 @@ import numpy as np
 import yaml
 from mcap.records import Channel
 
-from fastswing_planner.bag_errors import (
-    BagError,
-    NoHeader,
-    UndecodableMessage,
-    UnknownTopic,
-    UnreadableBag,
-    one_line,
-)
 from fastswing_planner.bags.files import bag_files
 from fastswing_planner.bags.mcap_file import McapFile
 from fastswing_planner.bags.mcap_records import Messages, merged
@@ -51,6 +43,14 @@ from fastswing_planner.cdr.columns import (
 from fastswing_planner.cdr.idl import parse_ros2idl
 from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.schema import Schema, parse_ros2msg
+from fastswing_planner.errors import (
+    BagError,
+    NoHeader,
+    UndecodableMessage,
+    UnknownTopic,
+    UnreadableBag,
+    one_line,
+)
 
 __all__ = ["Bag", "BagError", "Columns", "TimeBase", "Topic", "open_bag"]
 

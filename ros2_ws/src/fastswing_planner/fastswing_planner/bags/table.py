@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fastswing_planner.bag_errors import BagError, UndecodableMessage
 from fastswing_planner.cdr.columns import Column, Columns
+from fastswing_planner.errors import BagError, UndecodableMessage
 
 FORMATS = ("csv", "parquet")
 

@@ -8,9 +8,8 @@ from typing import IO, cast
 
 from mcap.writer import CompressionType, Writer
 
-from fastswing_planner.bag_errors import BagError
 from fastswing_planner.bags.metadata import BagSummary, BagTopic, metadata_yaml, qos_yaml
-from fastswing_planner.errors import InvalidRequest
+from fastswing_planner.errors import BagError, InvalidRequest
 
 COMPRESSIONS = {
     "zstd": CompressionType.ZSTD,

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fastswing_planner.bag_errors import UndecodableMessage, UnknownTopic
 from fastswing_planner.bags.mcap_records import Messages
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of, text_of
 from fastswing_planner.cdr.schema import Repeat, Schema, is_message
+from fastswing_planner.errors import UndecodableMessage, UnknownTopic
 
 Column = npt.NDArray[Any]
 Bytes = npt.NDArray[np.uint8]

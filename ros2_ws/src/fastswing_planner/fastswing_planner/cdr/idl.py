@@ -3,8 +3,8 @@
 import re
 from collections.abc import Mapping
 
-from fastswing_planner.bag_errors import UndecodableMessage
 from fastswing_planner.cdr.schema import Field, Repeat, Schema, checked, full_name
+from fastswing_planner.errors import UndecodableMessage
 
 _SEPARATOR = re.compile(r"^={80}\r?\nIDL: [^\n]*\n", re.MULTILINE)
 _TOKEN = re.compile(

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from fastswing_planner.bag_errors import UndecodableMessage
 from fastswing_planner.cdr.schema import (
     PRIMITIVE_SIZE,
     TEXTS,
@@ -19,6 +18,7 @@ from fastswing_planner.cdr.schema import (
     Schema,
     is_message,
 )
+from fastswing_planner.errors import UndecodableMessage
 
 HEADER_SIZE = 4
 _MAX_PADDING = 3

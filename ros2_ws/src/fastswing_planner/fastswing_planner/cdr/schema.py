@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from fastswing_planner.bag_errors import UndecodableMessage
+from fastswing_planner.errors import UndecodableMessage
 
 _SEPARATOR = re.compile(r"^={80}\r?\n", re.MULTILINE)
 _FIELD = re.compile(

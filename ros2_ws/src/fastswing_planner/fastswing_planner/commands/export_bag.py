@@ -5,9 +5,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from fastswing_planner.bag_errors import BagError, NoHeader, UndecodableMessage, one_line
 from fastswing_planner.bags.reader import Bag, open_bag
 from fastswing_planner.bags.table import FORMATS, write_table
+from fastswing_planner.errors import BagError, NoHeader, UndecodableMessage, one_line
 from fastswing_planner.printing import say
 
 

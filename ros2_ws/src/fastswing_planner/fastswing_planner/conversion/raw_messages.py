@@ -18,12 +18,11 @@ import numpy as np
 import numpy.typing as npt
 from rclpy.serialization import deserialize_message, serialize_message
 
-from fastswing_planner.bag_errors import UndecodableMessage
 from fastswing_planner.cdr.columns import DTYPES
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of
 from fastswing_planner.cdr.schema import Repeat, Schema, is_message, parse_ros2msg
 from fastswing_planner.conversion.definitions import definition_text
-from fastswing_planner.errors import InvalidRequest
+from fastswing_planner.errors import InvalidRequest, UndecodableMessage
 
 Message = TypeVar("Message")
 

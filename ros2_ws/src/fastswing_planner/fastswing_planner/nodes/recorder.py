@@ -20,7 +20,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
-from fastswing_planner.bag_errors import BagError
 from fastswing_planner.bags.folder import BagFolder, check_folder
 from fastswing_planner.bags.metadata import BagTopic, OfferedQos
 from fastswing_planner.bags.writer import COMPRESSIONS, BagWriter, check_path
@@ -30,7 +29,7 @@ from fastswing_planner.conversion.definitions import (
     split_type_name,
     type_hash,
 )
-from fastswing_planner.errors import DuplicateName, UnknownName
+from fastswing_planner.errors import BagError, DuplicateName, UnknownName
 from fastswing_planner.lifecycle.managed_node import ManagedNode, run
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 

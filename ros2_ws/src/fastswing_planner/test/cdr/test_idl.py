@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_package_share_directory, get_packages_with_prefixes
 
-from fastswing_planner.bag_errors import UndecodableMessage
 from fastswing_planner.cdr.idl import parse_ros2idl
 from fastswing_planner.cdr.schema import Field, Repeat, parse_ros2msg
 from fastswing_planner.conversion.definitions import definition_text
+from fastswing_planner.errors import UndecodableMessage
 
 NAME = "lab_msgs/msg/Odd"
 

@@ -13,11 +13,11 @@ from mcap.records import Schema as SchemaRecord
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from fastswing_planner.bag_errors import UndecodableMessage
 from fastswing_planner.bags.mcap_records import Messages
 from fastswing_planner.cdr.columns import ColumnDecoder
 from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.schema import PRIMITIVE_SIZE, is_message, parse_ros2msg
+from fastswing_planner.errors import UndecodableMessage
 
 NAME = "lab_msgs/msg/Odd"
 INNER = "lab_msgs/msg/Inner"
