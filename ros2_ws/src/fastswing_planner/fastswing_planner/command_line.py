@@ -1,7 +1,9 @@
 """What the command lines of `plan` and `swing` have in common."""
 
 import argparse
+import os
 import re
+import sys
 from typing import NoReturn
 
 from numpy.typing import ArrayLike
@@ -59,3 +61,12 @@ def posture_argument(option: str, text: str, robot: Robot) -> ArrayLike:
             f"{', '.join(robot.model.joint_names)}, with commas between, or a posture of the "
             f"robot: {', '.join(robot.postures)}"
         ) from error
+
+
+def say(text: str) -> None:
+    """Print a text, also to a reader that has seen enough, such as `head`."""
+    try:
+        print(text, flush=True)
+    except BrokenPipeError:
+        # Python would complain once more when it flushes at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

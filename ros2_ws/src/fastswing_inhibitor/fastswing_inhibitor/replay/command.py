@@ -11,9 +11,9 @@ from fastswing_inhibitor.inhibition import InhibitionSettings
 from fastswing_inhibitor.replay.replay import WhatIf, replay
 from fastswing_inhibitor.replay.text import replay_text
 from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.command_line import say
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.planning.request import checked_threshold
-from fastswing_planner.printing import say
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.path import MUSASHI, resolve_path

@@ -32,8 +32,8 @@ from fastswing_planner.analysis.verdicts.checks import (
 )
 from fastswing_planner.analysis.verdicts.comparison import Difference, compare
 from fastswing_planner.bags.reader import BagError, open_bag
+from fastswing_planner.command_line import say
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError
-from fastswing_planner.printing import say
 from fastswing_planner.robot.description import load_robot
 
 _Comparison = tuple[Sequence[Difference], dict[str, bytes]]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from fastswing_planner.bags.reader import Bag, open_bag
 from fastswing_planner.bags.table import FORMATS, write_table
+from fastswing_planner.command_line import say
 from fastswing_planner.errors import BagError, NoHeader, UndecodableMessage, one_line
-from fastswing_planner.printing import say
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -11,9 +11,9 @@ import yaml
 
 from fastswing_planner.arrays import Matrix
 from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.command_line import say
 from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
 from fastswing_planner.learning.samples import MuscleSamples, muscle_samples
-from fastswing_planner.printing import say
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.learned_model import mjcf_hash
 from fastswing_planner.robot.length_correction import (

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from fastswing_planner.command_line import OneLineParser, numbers, posture_argument
+from fastswing_planner.command_line import OneLineParser, numbers, posture_argument, say
 from fastswing_planner.commands.plan_report import comparison_record, plan_record, plan_text
 from fastswing_planner.errors import (
     InvalidRequest,
@@ -27,7 +27,6 @@ from fastswing_planner.planning.request import (
     requested_limits,
 )
 from fastswing_planner.planning.swing import SwingSettings
-from fastswing_planner.printing import say
 from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import Payload

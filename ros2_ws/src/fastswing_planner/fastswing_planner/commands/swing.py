@@ -16,7 +16,7 @@ from rclpy.task import Future
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingOptions
-from fastswing_planner.command_line import OneLineParser, posture_argument
+from fastswing_planner.command_line import OneLineParser, posture_argument, say
 from fastswing_planner.conversion.error_codes import error_name
 from fastswing_planner.errors import (
     InvalidRequest,
@@ -26,7 +26,6 @@ from fastswing_planner.errors import (
 )
 from fastswing_planner.execution.swing_execution import Phase
 from fastswing_planner.planning.request import Method, posture
-from fastswing_planner.printing import say
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 

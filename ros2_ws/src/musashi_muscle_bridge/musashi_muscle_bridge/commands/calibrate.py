@@ -21,9 +21,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_msgs.msg import CurrentCommand, MuscleState
+from fastswing_planner.command_line import say
 from fastswing_planner.conversion.states import JointStateReader
 from fastswing_planner.errors import NotReady, PlannerError, StaleState, UnknownName
-from fastswing_planner.printing import say
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.calibration import (
