@@ -3,22 +3,26 @@
 import dataclasses
 from array import array
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point
+from numpy.typing import NDArray
 
 from fastswing_msgs.msg import (
     ErrorCode,
     MaskTrial,
     MethodOutcome,
+    SwingFigures,
     SwingOptions,
     SwingTrajectory,
 )
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.arrays import Vector, frozen, frozen_flags
+from fastswing_planner.arrays import Matrix, Vector, frozen, frozen_flags
 from fastswing_planner.conversion.error_codes import error_code, error_from
-from fastswing_planner.conversion.figures_conversion import table
+from fastswing_planner.errors import WrongLength
+from fastswing_planner.execution.figures import SwingFigures as Figures
 from fastswing_planner.planning.mask_search import Trial, Verdict
 from fastswing_planner.planning.plan import Outcome, SwingPlan
 from fastswing_planner.planning.request import (
@@ -248,3 +252,44 @@ def _trial(trial: Trial, muscle_names: Sequence[str]) -> MaskTrial:
 def _trial_from(message: MaskTrial, muscle_names: Sequence[str]) -> Trial:
     kept = frozen_flags([name not in message.masked_muscle for name in muscle_names])
     return Trial(kept, _VERDICTS_BACK[message.verdict], message.holding_residual, message.time_cost)
+
+
+def predicted_figures(message: SwingPlanMessage) -> SwingFigures:
+    """Return a plan's figures in the form of the measured ones; raises WrongLength."""
+    trajectory = message.trajectory
+    steps, joints, muscles = (
+        len(names)
+        for names in (trajectory.time_from_start, message.joint_name, message.muscle_name)
+    )
+    if not steps:
+        raise WrongLength("the plan's trajectory has no step")
+    return SwingFigures(
+        peak_joint_velocity=_peaks(table(trajectory.joint_velocity, steps, joints)),
+        time_cost=message.time_cost,
+        peak_muscle_velocity=_peaks(table(trajectory.muscle_velocity, steps, muscles)),
+        peak_tension=[float("nan")] * muscles,
+    )
+
+
+def figures_to_message(figures: Figures) -> SwingFigures:
+    """Return the message of measured figures."""
+    return SwingFigures(
+        peak_joint_velocity=figures.peak_joint_velocity.tolist(),
+        time_cost=figures.time_cost,
+        peak_muscle_velocity=figures.peak_muscle_velocity.tolist(),
+        peak_tension=figures.peak_tension.tolist(),
+    )
+
+
+def table(numbers: Sequence[float], steps: int, width: int) -> NDArray[Any]:
+    """Return a table of a trajectory's message, shape (steps, width); raises WrongLength."""
+    if len(numbers) != steps * width:
+        raise WrongLength(
+            f"a table of the plan's trajectory has {len(numbers)} values, expected {width} for "
+            f"each of {steps} steps"
+        )
+    return np.reshape(numbers, (steps, width))
+
+
+def _peaks(values: Matrix) -> list[float]:
+    return [float(peak) for peak in np.abs(values).max(axis=0)]

@@ -15,8 +15,11 @@ from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.conversion.error_codes import error_code, error_name
-from fastswing_planner.conversion.figures_conversion import figures_to_message, predicted_figures
-from fastswing_planner.conversion.plans import payload_from_options
+from fastswing_planner.conversion.plans import (
+    figures_to_message,
+    payload_from_options,
+    predicted_figures,
+)
 from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.swing_execution import (

@@ -13,12 +13,12 @@ from rclpy.serialization import deserialize_message, serialize_message
 
 from fastswing_msgs.msg import ErrorCode, SwingOptions, SwingTrajectory
 from fastswing_msgs.srv import PlanSwing
-from fastswing_planner.conversion.figures_conversion import predicted_figures
 from fastswing_planner.conversion.plans import (
     outcome_from_message,
     outcome_to_message,
     plan_from_message,
     plan_to_message,
+    predicted_figures,
     request_from_message,
     request_to_message,
 )
