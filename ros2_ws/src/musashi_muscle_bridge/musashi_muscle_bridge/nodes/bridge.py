@@ -31,8 +31,7 @@ from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from musashi_muscle_bridge.buses.bus import group_urls
-from musashi_muscle_bridge.buses.bus_parameters import BUS_URL
+from musashi_muscle_bridge.buses.bus import BUS_URL, group_urls
 from musashi_muscle_bridge.buses.protocol import Fault, Mode, WatchdogAction
 from musashi_muscle_bridge.control.command_checks import (
     check_lease,

@@ -16,8 +16,7 @@ from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, ManagedN
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
-from musashi_muscle_bridge.buses.bus import group_urls, open_all, open_board_port
-from musashi_muscle_bridge.buses.bus_parameters import BUS_URL
+from musashi_muscle_bridge.buses.bus import BUS_URL, group_urls, open_all, open_board_port
 from musashi_muscle_bridge.emulation.board_link import BoardLink
 from musashi_muscle_bridge.emulation.board_log import BoardLog
 from musashi_muscle_bridge.emulation.bus import EmulatedBus, Served
