@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from numpy.typing import ArrayLike, NDArray
 
 from fastswing_planner.errors import DuplicateName, NotFinite, UnknownName, WrongLength
@@ -92,3 +93,6 @@ def named_vector(
     ordered = np.empty(len(valid))
     ordered[index] = finite_vector(what, values, names)
     return frozen(ordered)
+
+
+BoolMatrix = npt.NDArray[np.bool_]

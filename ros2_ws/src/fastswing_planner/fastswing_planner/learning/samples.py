@@ -5,11 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector
+from fastswing_planner.arrays import BoolMatrix, Matrix, Vector
 from fastswing_planner.bags.reader import Bag
 from fastswing_planner.cdr.columns import Columns
 from fastswing_planner.errors import BagError
-from fastswing_planner.robot.length_correction import BoolMatrix
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 _JOINTS = "sensor_msgs/msg/JointState"

@@ -14,12 +14,9 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from fastswing_planner.arrays import BoolVector, Matrix, Vector, frozen, frozen_flags
+from fastswing_planner.arrays import BoolMatrix, BoolVector, Matrix, Vector, frozen, frozen_flags
 from fastswing_planner.errors import InvalidRequest, OutOfRange, RobotDescriptionError
-
-BoolMatrix = npt.NDArray[np.bool_]
 
 REACH = 0.3
 """[rad] farther from every recorded posture the correction refuses to answer."""
