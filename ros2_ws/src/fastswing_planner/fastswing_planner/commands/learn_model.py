@@ -13,14 +13,11 @@ from fastswing_planner.arrays import Matrix
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
+from fastswing_planner.learning.fitting import fit_correction
 from fastswing_planner.learning.samples import MuscleSamples, muscle_samples
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.learned_model import mjcf_hash
-from fastswing_planner.robot.length_correction import (
-    LengthCorrection,
-    fit_correction,
-    save_correction,
-)
+from fastswing_planner.robot.length_correction import LengthCorrection, save_correction
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 

@@ -9,13 +9,11 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix
 from fastswing_planner.errors import OutOfRange, RobotDescriptionError
+from fastswing_planner.learning.fitting import TooFewSamples, fit_correction, spread_centers
 from fastswing_planner.robot.length_correction import (
     LengthCorrection,
-    TooFewSamples,
-    fit_correction,
     load_correction,
     save_correction,
-    spread_centers,
 )
 
 JOINTS, MUSCLES = ("j0", "j1"), ("m0", "m1", "m2")
