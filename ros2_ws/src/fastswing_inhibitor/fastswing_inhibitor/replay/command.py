@@ -8,7 +8,8 @@ from dataclasses import fields
 from pathlib import Path
 
 from fastswing_inhibitor.inhibition import InhibitionSettings
-from fastswing_inhibitor.replay.replay import WhatIf, replay
+from fastswing_inhibitor.replay.replay import replay
+from fastswing_inhibitor.replay.result import WhatIf
 from fastswing_inhibitor.replay.text import replay_text
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.command_line import say

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from fastswing_inhibitor.inhibition import Reason
-from fastswing_inhibitor.replay.replay import Replay, ReplayedSwing
+from fastswing_inhibitor.replay.result import Replay, ReplayedSwing
 
 _MOST_LINES = 3
 
