@@ -7,7 +7,7 @@ a swing from outside, such as the service or the clock, ends it here as it was p
 from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -20,50 +20,24 @@ from fastswing_inhibitor.inhibition import (
     JointNumbers,
     Reason,
 )
+from fastswing_inhibitor.replay.recorded import (
+    OVERRIDE_TYPE,
+    Plan,
+    Status,
+    armings,
+    joint_states,
+    plan_at,
+    plans,
+    statuses,
+)
 from fastswing_inhibitor.replay.result import Compared, Replay, ReplayedSwing, Told, WhatIf
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.bags.reader import Bag
-from fastswing_planner.cdr.columns import Column
-from fastswing_planner.errors import BagError, PlannerError
+from fastswing_planner.errors import PlannerError
 from fastswing_planner.robot.muscle_model import MuscleModel
-
-STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"
-OVERRIDE_TYPE = "fastswing_msgs/msg/CurrentOverride"
-PLAN_TYPE = "fastswing_msgs/msg/SwingPlan"
-JOINT_TYPE = "sensor_msgs/msg/JointState"
 
 _BY_RULE = (Reason.GOAL_REACHED, Reason.STATE_JUMP, Reason.REVERSED, Reason.STALE_STATE)
 """Ends that follow from the joint states themselves."""
-
-
-class UnusableForReplay(BagError):
-    """A bag without what a replay needs."""
-
-
-@dataclass(frozen=True)
-class _Status:
-    """One published status in the model's order of muscles."""
-
-    stamp_ns: int
-    log_ns: int
-    armed: bool
-    threshold: float
-    decision: Told
-    decisions: int
-    rejected: int
-
-
-@dataclass(frozen=True)
-class _Plan:
-    """What a plan in the bag says.
-
-    goal  [rad] in the model's order
-    kept  muscles that its mask keeps, so that they may be in kept_muscle, shape (m,)
-    """
-
-    log_ns: int
-    goal: Vector
-    kept: BoolVector
 
 
 def replay(
@@ -84,11 +58,11 @@ def replay(
     what_if = what_if or WhatIf()
     if what_if.velocity_limit is not None:
         velocity_limit = frozen(np.full(velocity_limit.shape, what_if.velocity_limit))
-    joints = _joint_states(bag, model, prefix)
-    statuses = list(_statuses(bag, model, prefix))
-    plans = list(_plans(bag, model, prefix))
+    joints = joint_states(bag, model, prefix)
+    statuses = list(statuses(bag, model, prefix))
+    plans = list(plans(bag, model, prefix))
     rule = _Rule(model, velocity_limit, settings or InhibitionSettings(), what_if, joints)
-    swings = [rule.replayed(part, _plan_at(plans, part[0].log_ns)) for part in _armings(statuses)]
+    swings = [rule.replayed(part, plan_at(plans, part[0].log_ns)) for part in armings(statuses)]
     return Replay(
         tuple(model.muscle_names),
         tuple(swings),
@@ -114,7 +88,7 @@ class _Rule:
         self._joints = joints
         self._stamps = sorted(joints)
 
-    def replayed(self, statuses: Sequence[_Status], plan: _Plan | None) -> ReplayedSwing:
+    def replayed(self, statuses: Sequence[Status], plan: Plan | None) -> ReplayedSwing:
         """Return one armed time decided again."""
         first = statuses[0]
         swing = ReplayedSwing(
@@ -147,7 +121,7 @@ class _Rule:
             decisions=tuple(self._compared(inhibition, statuses)),
         )
 
-    def _missing(self, statuses: Sequence[_Status]) -> Iterator[str]:
+    def _missing(self, statuses: Sequence[Status]) -> Iterator[str]:
         """Yield a line for each gap in the count of decisions, and for an end without status."""
         for before, status in pairwise(statuses):
             count = _lost_between(before, status)
@@ -161,9 +135,9 @@ class _Rule:
                 f"on for {silence:.3f} s"
             )
 
-    def _compared(self, inhibition: Inhibition, statuses: Sequence[_Status]) -> Iterator[Compared]:
+    def _compared(self, inhibition: Inhibition, statuses: Sequence[Status]) -> Iterator[Compared]:
         start_ns = statuses[0].stamp_ns
-        before: _Status | None = None
+        before: Status | None = None
         for status in statuses:
             between = self._between(before, status)
             if before is not None and _lost_between(before, status):
@@ -187,7 +161,7 @@ class _Rule:
             text = _difference(self._model.muscle_names, published, made, bool(between))
             yield Compared(status.stamp_ns, published, made, text)
 
-    def _between(self, before: _Status | None, status: _Status) -> list[int]:
+    def _between(self, before: Status | None, status: Status) -> list[int]:
         """Return the stamps [ns] of the joint states between those of two statuses."""
         if before is None:
             return []
@@ -205,7 +179,7 @@ class _Rule:
         return Told(made.inhibited, index, made.direction_from_goal, made.reason)
 
 
-def _lost_between(before: _Status, status: _Status) -> int:
+def _lost_between(before: Status, status: Status) -> int:
     """Return how many decisions were counted between two statuses and are not in the bag."""
     return max(status.decisions - before.decisions - status.armed, 0)
 
@@ -259,140 +233,15 @@ def _reason(reason: Reason) -> str:
     return "a decision" if reason is Reason.NONE else f"the end {reason.name}"
 
 
-def _never_inhibited(statuses: Sequence[_Status]) -> BoolVector:
+def _never_inhibited(statuses: Sequence[Status]) -> BoolVector:
     """Return the muscles that were above C in some decision and inhibited in none."""
     above = np.array([np.greater(s.decision.speed_index, s.threshold) for s in statuses if s.armed])
     inhibited = np.array([s.decision.inhibited for s in statuses if s.armed])
     return np.asarray(above.any(axis=0) & ~inhibited.any(axis=0))
 
 
-def _armings(statuses: Sequence[_Status]) -> Iterator[list[_Status]]:
-    """Yield the statuses of each armed time, from the arming to the end."""
-    part: list[_Status] = []
-    for status in statuses:
-        if status.armed and part and status.decisions == 0:
-            yield part
-            part = []
-        if status.armed or part:
-            part.append(status)
-        if part and not status.armed:
-            yield part
-            part = []
-    if part:
-        yield part
-
-
-def _topic(bag: Bag, type_name: str, prefix: str) -> str:
-    names = [name for name in bag.topics_of_type(type_name) if name.startswith(prefix)]
-    if not names:
-        where = f" below {prefix}" if prefix else ""
-        why = (
-            "; only swings by Method 1 or the hybrid have them" if type_name == STATUS_TYPE else ""
-        )
-        raise UnusableForReplay(f"nothing to replay: no messages of type {type_name}{where}{why}")
-    if len(names) > 1:
-        raise UnusableForReplay(
-            f"more than one topic of type {type_name}: {', '.join(names)}; choose with --prefix"
-        )
-    return names[0]
-
-
-def _order(what: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
-    missing = [name for name in wanted if name not in names]
-    if missing:
-        raise UnusableForReplay(
-            f"{what} of the model are not in the bag: {', '.join(missing)}; it has: "
-            f"{', '.join(names)}. Choose the robot with --robot"
-        )
-    return [list(names).index(name) for name in wanted]
-
-
-def _joint_states(
-    bag: Bag, model: MuscleModel, prefix: str
-) -> dict[int, tuple[list[float], list[float]]]:
-    """Return position [rad] and velocity [rad/s] in the model's order, by stamp [ns]."""
-    topic = _topic(bag, JOINT_TYPE, prefix)
-    found: dict[int, tuple[list[float], list[float]]] = {}
-    for part in bag.stream(topic, "header", ["name", "position", "velocity"]):
-        names = part.names()
-        order = _order("joints", names, model.joint_names)
-        for field in ("position", "velocity"):
-            _check_width(topic, field, part[field], len(names))
-        position, velocity = part["position"][:, order], part["velocity"][:, order]
-        rows = zip(part.time_ns.tolist(), position.tolist(), velocity.tolist(), strict=True)
-        found |= {stamp: (at, rate) for stamp, at, rate in rows}
-    return found
-
-
-def _check_width(topic: str, field: str, column: Column, count: int) -> None:
-    if column.ndim != 2 or column.shape[1] != count:
-        raise UnusableForReplay(f"{field} of {topic} has not one value for each name")
-
-
-def _statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Status]:
-    fields = ["armed", "reason", "threshold", "name", "speed_index", "inhibited"]
-    fields += ["direction_from_goal", "decisions", "rejected"]
-    topic = _topic(bag, STATUS_TYPE, prefix)
-    known = [field for field in fields if field in bag.fields(topic)]
-    for part in bag.stream(topic, "header", known):
-        names = part.names()
-        order = _order("muscles", names, model.muscle_names)
-        _check_width(topic, "speed_index", part["speed_index"], len(names))
-        rejected = part["rejected"] if "rejected" in part else np.zeros(part.count, dtype=int)
-        for row in range(part.count):
-            chosen = set(part["inhibited"][row])
-            decision = Told(
-                tuple(name in chosen for name in model.muscle_names),
-                tuple(part["speed_index"][row][order].tolist()),
-                bool(part["direction_from_goal"][row]),
-                _known_reason(topic, int(part["reason"][row])),
-            )
-            yield _Status(
-                int(part.time_ns[row]),
-                int(part.log_time_ns[row]),
-                bool(part["armed"][row]),
-                float(part["threshold"][row]),
-                decision,
-                int(part["decisions"][row]),
-                int(rejected[row]),
-            )
-
-
-def _known_reason(topic: str, value: int) -> Reason:
-    try:
-        return Reason(value)
-    except ValueError:
-        raise UnusableForReplay(f"{topic} has the reason {value}, which is not known") from None
-
-
-def _plans(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[_Plan]:
-    """Yield what each plan says."""
-    for topic in bag.topics_of_type(PLAN_TYPE):
-        if topic.startswith(prefix):
-            for log_ns, plan in bag.messages(topic):
-                order = _order("joints", plan.joint_name, model.joint_names)
-                if len(plan.end_position) != len(plan.joint_name):
-                    raise UnusableForReplay(
-                        f"end_position of {topic} has not one value for each joint"
-                    )
-                kept = {
-                    name for name, flag in zip(plan.muscle_name, plan.mask, strict=False) if flag
-                }
-                yield _Plan(
-                    log_ns,
-                    frozen([plan.end_position[index] for index in order]),
-                    np.array([name in kept for name in model.muscle_names]),
-                )
-
-
-def _plan_at(plans: Sequence[_Plan], time_ns: int) -> _Plan | None:
-    """Return the last plan before a time."""
-    before = [plan for plan in plans if plan.log_ns <= time_ns]
-    return before[-1] if before else None
-
-
 def _override_differences(
-    bag: Bag, model: MuscleModel, statuses: Sequence[_Status], prefix: str
+    bag: Bag, model: MuscleModel, statuses: Sequence[Status], prefix: str
 ) -> Iterator[str]:
     """Yield a line for each override that is missing, or not what the status of its stamp says."""
     said = {status.stamp_ns: np.array(status.decision.inhibited) for status in statuses}

@@ -25,7 +25,8 @@ from fastswing_inhibitor.inhibition import (
     Reason,
 )
 from fastswing_inhibitor.replay import command as replay_command
-from fastswing_inhibitor.replay.replay import UnusableForReplay, replay
+from fastswing_inhibitor.replay.recorded import UnusableForReplay
+from fastswing_inhibitor.replay.replay import replay
 from fastswing_inhibitor.replay.result import Replay, WhatIf
 from fastswing_inhibitor.replay.text import replay_text
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, SwingPlan
