@@ -4,12 +4,10 @@ The rule is fed the joint states that the inhibitor decided on, which their stam
 a swing from outside, such as the service or the clock, ends it here as it was published.
 """
 
-from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -20,8 +18,8 @@ from fastswing_inhibitor.inhibition import (
     JointNumbers,
     Reason,
 )
+from fastswing_inhibitor.replay.difference import difference, override_differences
 from fastswing_inhibitor.replay.recorded import (
-    OVERRIDE_TYPE,
     Plan,
     Status,
     armings,
@@ -66,7 +64,7 @@ def replay(
     return Replay(
         tuple(model.muscle_names),
         tuple(swings),
-        tuple(_override_differences(bag, model, statuses, prefix)),
+        tuple(override_differences(bag, model, statuses, prefix)),
     )
 
 
@@ -158,7 +156,7 @@ class _Rule:
             if isinstance(made, str):
                 yield Compared(status.stamp_ns, published, None, made)
                 continue
-            text = _difference(self._model.muscle_names, published, made, bool(between))
+            text = difference(self._model.muscle_names, published, made, bool(between))
             yield Compared(status.stamp_ns, published, made, text)
 
     def _between(self, before: Status | None, status: Status) -> list[int]:
@@ -184,83 +182,8 @@ def _lost_between(before: Status, status: Status) -> int:
     return max(status.decisions - before.decisions - status.armed, 0)
 
 
-def _difference(names: Sequence[str], published: Told, made: Told, passed_over: bool) -> str:
-    """Say in words what differs between two decisions; empty if nothing does.
-
-    passed_over  whether the bag has joint states from between it and the decision before
-    """
-    if published.reason is not made.reason:
-        hint = ""
-        if made.reason is Reason.STALE_STATE:
-            hint = ": is state_timeout the node's?"
-            if passed_over:
-                hint = ": it had not decided on the joint states before it, which are in the bag"
-        return f"published {_reason(published.reason)}, replayed {_reason(made.reason)}{hint}"
-    if published.direction_from_goal != made.direction_from_goal:
-        which = {True: "to the goal", False: "of motion"}
-        return (
-            f"published q along the direction {which[published.direction_from_goal]}, replayed "
-            f"along that {which[made.direction_from_goal]}: is velocity_threshold the node's?"
-        )
-    same_bits = _bits(published.speed_index) == _bits(made.speed_index)
-    if same_bits and published.inhibited == made.inhibited:
-        return ""
-    other = np.flatnonzero(np.not_equal(published.inhibited, made.inhibited))
-    before, after = np.array(published.speed_index), np.array(made.speed_index)
-    unequal = before.view(np.int64) != after.view(np.int64)
-    unequal &= ~(np.isnan(before) & np.isnan(after))
-    if unequal.any():
-        at = int(np.nanargmax(np.where(unequal, np.abs(before - after), -1.0)))
-        text = (
-            f"q of {names[at]} published {published.speed_index[at]!r} s/rad, replayed "
-            f"{made.speed_index[at]!r}"
-        )
-        return text + (f"; inhibited differ: {_listed(names, other)}" if other.size else "")
-    if other.size:
-        return f"same q, but inhibited differ: {_listed(names, other)}"
-    return ""
-
-
-def _bits(numbers: Sequence[float]) -> bytes:
-    return array("d", numbers).tobytes()
-
-
-def _listed(names: Sequence[str], places: Any) -> str:
-    return ", ".join(names[place] for place in places)
-
-
-def _reason(reason: Reason) -> str:
-    return "a decision" if reason is Reason.NONE else f"the end {reason.name}"
-
-
 def _never_inhibited(statuses: Sequence[Status]) -> BoolVector:
     """Return the muscles that were above C in some decision and inhibited in none."""
     above = np.array([np.greater(s.decision.speed_index, s.threshold) for s in statuses if s.armed])
     inhibited = np.array([s.decision.inhibited for s in statuses if s.armed])
     return np.asarray(above.any(axis=0) & ~inhibited.any(axis=0))
-
-
-def _override_differences(
-    bag: Bag, model: MuscleModel, statuses: Sequence[Status], prefix: str
-) -> Iterator[str]:
-    """Yield a line for each override that is missing, or not what the status of its stamp says."""
-    said = {status.stamp_ns: np.array(status.decision.inhibited) for status in statuses}
-    names = np.array(model.muscle_names)
-    found = set()
-    for topic in bag.topics_of_type(OVERRIDE_TYPE):
-        if not topic.startswith(prefix):
-            continue
-        for part in bag.stream(topic, "header", ["name"]):
-            for stamp, chosen in zip(part.time_ns.tolist(), part["name"], strict=True):
-                found.add(stamp)
-                if stamp in said and set(chosen) != set(names[said[stamp]]):
-                    yield (
-                        f"the override of stamp {stamp} ns names {', '.join(chosen) or 'nothing'}, "
-                        f"its status {', '.join(names[said[stamp]]) or 'nothing'}"
-                    )
-    for stamp, inhibited in said.items():
-        if inhibited.any() and stamp not in found:
-            yield (
-                f"the override of stamp {stamp} ns is not in the bag, its status names "
-                f"{', '.join(names[inhibited])}"
-            )
