@@ -438,3 +438,9 @@ def _inhibitor_report(recording: Recording, begin: float, end: float) -> tuple[f
     later = int(armed[-1]) + np.flatnonzero(~status.armed[armed[-1] :])
     ended = status.reason[later[0]] if later.size else ""
     return float(status.rejected[armed].max()), ended
+
+
+def swing_label(swing: MeasuredSwing) -> str:
+    """Return what names a swing in one line: bag, namespace, number, method, time."""
+    space = f" {swing.namespace}" if swing.namespace else ""
+    return f"{swing.source}{space} swing {swing.number} ({swing.method}, at {swing.start:.2f} s)"

@@ -14,7 +14,7 @@ from typing import Any
 
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import BagFindings, examine
-from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measured_swing import MeasuredSwing, swing_label
 from fastswing_planner.analysis.motor_limits import MotorLimits, motor_limits
 from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.analysis.report.comparison_drawing import comparison_pictures
@@ -28,7 +28,6 @@ from fastswing_planner.analysis.verdicts.checks import (
     LimitsFileError,
     check,
     read_limits,
-    swing_label,
 )
 from fastswing_planner.analysis.verdicts.comparison import Difference, compare
 from fastswing_planner.bags.reader import BagError, open_bag

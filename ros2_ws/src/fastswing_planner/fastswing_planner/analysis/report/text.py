@@ -7,7 +7,7 @@ import numpy as np
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
-from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measured_swing import MeasuredSwing, swing_label
 from fastswing_planner.analysis.motor_limits import (
     MotorLimits,
     beyond_tension,
@@ -15,7 +15,7 @@ from fastswing_planner.analysis.motor_limits import (
     limits_known,
 )
 from fastswing_planner.analysis.timing import TopicTiming
-from fastswing_planner.analysis.verdicts.checks import CheckResult, swing_label
+from fastswing_planner.analysis.verdicts.checks import CheckResult
 from fastswing_planner.analysis.verdicts.comparison import Difference, Spread
 
 SWING_HEAD = (

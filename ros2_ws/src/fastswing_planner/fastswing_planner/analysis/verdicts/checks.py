@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 
 from fastswing_planner.analysis.figures import FIGURES
-from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measured_swing import MeasuredSwing, swing_label
 from fastswing_planner.analysis.timing import TopicTiming
 from fastswing_planner.errors import PlannerError
 
@@ -257,12 +257,6 @@ def _check_without_swings(
 
 def _unknown(what: str, name: str, known: Iterable[str], holder: str) -> str:
     return f"unknown {what} '{name}', {holder}: {', '.join(known) or 'none'}"
-
-
-def swing_label(swing: MeasuredSwing) -> str:
-    """Return what names a swing in one line: bag, namespace, number, method, time."""
-    space = f" {swing.namespace}" if swing.namespace else ""
-    return f"{swing.source}{space} swing {swing.number} ({swing.method}, at {swing.start:.2f} s)"
 
 
 def _check_swing(limits: SwingLimits, swing: MeasuredSwing) -> tuple[int, list[str]]:
