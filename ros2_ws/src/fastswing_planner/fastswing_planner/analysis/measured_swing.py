@@ -11,11 +11,11 @@ from fastswing_planner.analysis.finding import (
     FindingSettings,
     armed_intervals,
     find_bursts,
-    moved_towards,
     swing_command,
 )
 from fastswing_planner.analysis.inhibition_intervals import Inhibition, inhibitions, within
 from fastswing_planner.analysis.latency import InhibitionLatency, inhibition_latency
+from fastswing_planner.analysis.plan_matching import is_no_swing, plan_of
 from fastswing_planner.analysis.recording import (
     JointSeries,
     MuscleSeries,
@@ -28,10 +28,6 @@ SHOWN_BEFORE_SEC = 0.1
 """Shown of a recording before a swing begins."""
 SHOWN_AFTER_SEC = 0.3
 """Shown of a recording after the arm came to rest."""
-_NEAR_PLAN_RAD = 0.3
-"""A plan whose start is farther from the arm is another swing's."""
-_LEAST_WAY = 0.1
-"""Share of a plan's way; a motion that went less of it is not that plan's swing."""
 
 
 @dataclass(frozen=True)
@@ -159,59 +155,13 @@ def measure_swings(
             joints.row, (found.first, found.last, found.fastest)
         ).tolist()
         burst = replace(found, first=first, last=last, fastest=fastest)
-        plan, planned_other = _plan_of(recording, burst)
-        if plan is not None and not burst.armed and _is_no_swing(joints, plan, burst):
+        plan, planned_other = plan_of(recording, burst)
+        if plan is not None and not burst.armed and is_no_swing(joints, plan, burst):
             continue
         after = max((one.start for one in swings if one.commanded), default=-np.inf)
         swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance, after)
         swings.append(replace(swing, number=len(swings) + 1))
     return swings
-
-
-def _plan_of(recording: Recording, burst: Burst) -> tuple[RecordedPlan | None, bool]:
-    """Return the plan in force, and whether there was one that is not this motion's."""
-    joints = recording.joints
-    before = [plan for plan in recording.plans if plan.received <= joints.time[burst.fastest]]
-    meanwhile = [plan for plan in recording.plans if plan.received <= joints.time[burst.last]]
-    if not meanwhile:
-        return None, False
-    plan = before[-1] if before else meanwhile[0]
-    if not set(plan.joint_names) <= set(joints.names):
-        return None, True
-    if burst.begins_cut:
-        return plan, False
-    begin = _posture(joints, plan.joint_names, burst.first)
-    distances = [float(np.linalg.norm(begin - end)) for end in (plan.start, plan.end)]
-    # A motion away from the plan's end, or to its start, is judged by its way.
-    if min(distances) > _NEAR_PLAN_RAD and not _raises(joints, plan, burst):
-        return None, True
-    return plan, False
-
-
-def _is_no_swing(joints: JointSeries, plan: RecordedPlan, burst: Burst) -> bool:
-    return _raises(joints, plan, burst) or _way(joints, plan, burst) < _LEAST_WAY
-
-
-def _raises(joints: JointSeries, plan: RecordedPlan, burst: Burst) -> bool:
-    """Whether a motion goes to the plan's start posture, from wherever the arm hung."""
-    begin, finish = (
-        float(np.linalg.norm(_posture(joints, plan.joint_names, row) - plan.start))
-        for row in (burst.first, burst.last)
-    )
-    return finish <= _NEAR_PLAN_RAD < begin
-
-
-def _posture(joints: JointSeries, names: tuple[str, ...], row: int) -> Vector:
-    columns = [joints.names.index(name) for name in names]
-    return np.asarray(joints.position[row, columns], dtype=float)
-
-
-def _way(joints: JointSeries, plan: RecordedPlan, burst: Burst) -> float:
-    """Return how far the motion went along the plan; NaN positions count as all of it."""
-    begin = _posture(joints, plan.joint_names, burst.first)
-    finish = _posture(joints, plan.joint_names, burst.last)
-    way = moved_towards(plan.start, plan.end, begin, finish)
-    return 1.0 if np.isnan(way) else way
 
 
 def _measure(
