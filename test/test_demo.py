@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from fastswing_planner.analysis.finding import FindingSettings
-from fastswing_planner.analysis.measured_swing import measure_swings
+from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.execution.figures import SwingFigures

@@ -11,7 +11,8 @@ from fastswing_planner.analysis.finding import (
     armed_intervals,
     segments,
 )
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.timing import TopicTiming, topic_timing
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from fastswing_planner.analysis.finding import FindingSettings
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import CommandSeries, JointSpeed, Recording
 
 Recorded = Callable[..., Recording]

@@ -8,7 +8,8 @@ import pytest
 
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import examine
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, limits_known
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.report.record import findings_record

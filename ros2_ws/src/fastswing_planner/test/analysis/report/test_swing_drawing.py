@@ -11,7 +11,8 @@ from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 
 from fastswing_planner.analysis.finding import FindingSettings
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, beyond_tension, beyond_velocity
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.report.swing_drawing import (

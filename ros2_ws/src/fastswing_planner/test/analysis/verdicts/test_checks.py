@@ -10,7 +10,8 @@ import pytest
 
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.finding import FindingSettings
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import Recording, TopicTimes
 from fastswing_planner.analysis.timing import TopicTiming, topic_timing
 from fastswing_planner.analysis.verdicts.checks import (

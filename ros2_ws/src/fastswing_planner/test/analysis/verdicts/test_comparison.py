@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.analysis.finding import FindingSettings
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, measure_swings
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
+from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.analysis.report.text import comparison_cells
 from fastswing_planner.analysis.verdicts.comparison import Difference, compare, spread
