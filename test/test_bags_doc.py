@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from fastswing_planner.analysis.figures import FIGURES
-from fastswing_planner.analysis.verdicts.checks import parse_limits
+from fastswing_planner.analysis.verdicts.limits_file import parse_limits
 from fastswing_planner.commands.analyse import main
 
 DOCS = Path(__file__).parents[1] / "docs"

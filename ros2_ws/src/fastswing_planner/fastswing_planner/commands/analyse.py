@@ -22,14 +22,9 @@ from fastswing_planner.analysis.report.page import page
 from fastswing_planner.analysis.report.record import findings_record
 from fastswing_planner.analysis.report.swing_drawing import joint_styles, muscle_styles, save_swing
 from fastswing_planner.analysis.report.text import check_text, comparison_text, findings_text
-from fastswing_planner.analysis.verdicts.checks import (
-    CheckResult,
-    Limits,
-    LimitsFileError,
-    check,
-    read_limits,
-)
+from fastswing_planner.analysis.verdicts.checks import CheckResult, check
 from fastswing_planner.analysis.verdicts.comparison import Difference, compare
+from fastswing_planner.analysis.verdicts.limits_file import Limits, LimitsFileError, read_limits
 from fastswing_planner.bags.reader import BagError, open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError

@@ -14,11 +14,10 @@ from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import Recording, TopicTimes
 from fastswing_planner.analysis.timing import TopicTiming, topic_timing
-from fastswing_planner.analysis.verdicts.checks import (
+from fastswing_planner.analysis.verdicts.checks import CheckResult, check
+from fastswing_planner.analysis.verdicts.limits_file import (
     Bounds,
-    CheckResult,
     LimitsFileError,
-    check,
     parse_limits,
     read_limits,
 )
