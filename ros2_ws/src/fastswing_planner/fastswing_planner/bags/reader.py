@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import yaml
@@ -32,11 +32,10 @@ from fastswing_planner.bags.files import bag_files
 from fastswing_planner.bags.mcap_file import McapFile
 from fastswing_planner.bags.mcap_records import Messages, merged
 from fastswing_planner.bags.mcap_scan import scan
+from fastswing_planner.bags.topic_decoder import TimeBase, TopicDecoder, named
 from fastswing_planner.bags.writer import NOTES
 from fastswing_planner.cdr.columns import (
-    ColumnDecoder,
     Columns,
-    Times,
     field_paths,
     joined,
 )
@@ -45,7 +44,6 @@ from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.schema import Schema, parse_ros2msg
 from fastswing_planner.errors import (
     BagError,
-    NoHeader,
     UndecodableMessage,
     UnknownTopic,
     UnreadableBag,
@@ -54,8 +52,6 @@ from fastswing_planner.errors import (
 
 __all__ = ["Bag", "BagError", "Columns", "TimeBase", "Topic", "open_bag"]
 
-TimeBase = Literal["log", "publish", "header"]
-"""When a message was recorded, when it was published, or the stamp in its header."""
 
 _PARSERS = {"ros2msg": parse_ros2msg, "ros2idl": parse_ros2idl}
 _CHUNK = 8192
@@ -223,18 +219,18 @@ class Bag:
         """
         if time not in ("log", "publish", "header"):
             raise UnknownTopic(f"no time base '{time}'; choose from: log, publish, header")
-        decoders: dict[Schema, _TopicDecoder] = {}
+        decoders: dict[Schema, TopicDecoder] = {}
         newest = -1
         for schema, batch in self._batches(topic, chunk):
             if schema not in decoders:
-                decoders[schema] = _TopicDecoder(topic, schema, time, fields)
+                decoders[schema] = TopicDecoder(topic, schema, time, fields)
             columns = decoders[schema].decode(batch)
             self._check_order(columns, newest)
             newest = int(columns.log_time_ns[-1])
             yield columns
         if newest == -1:
             schema = self._schema(*self._channels(topic)[0])
-            yield _TopicDecoder(topic, schema, time, fields).decode([])
+            yield TopicDecoder(topic, schema, time, fields).decode([])
 
     def messages(self, topic: str) -> Iterator[tuple[int, SimpleNamespace]]:
         """Yield log time [ns] and message of a topic, in the order of recording.
@@ -246,7 +242,7 @@ class Bag:
             for messages in batch:
                 times = messages.log_time_ns.tolist()
                 for log_time, data in zip(times, messages.data(), strict=True):
-                    yield log_time, _named(topic, decode, schema, data)
+                    yield log_time, named(topic, decode, schema, data)
 
     def raw_messages(self, topic: str) -> Iterator[tuple[int, int, bytes]]:
         """Yield log time [ns], publish time [ns] and CDR bytes of a topic's messages."""
@@ -336,42 +332,6 @@ def _in_order(
             yield schema, several[0] if len(several) == 1 else merged(several)
 
 
-class _TopicDecoder:
-    """Makes columns of a topic's batches."""
-
-    def __init__(
-        self, topic: str, schema: Schema, time: TimeBase, fields: Sequence[str] | None
-    ) -> None:
-        self._topic = topic
-        self._time = time
-        self._stamp = _stamp_path(topic, schema) if time == "header" else ""
-        wanted = fields
-        if fields is not None and self._stamp:
-            wanted = [*fields, f"{self._stamp}.sec", f"{self._stamp}.nanosec"]
-        self._decoder = ColumnDecoder(schema, wanted)
-        self._hidden = set(wanted or ()) - set(fields or ())
-
-    def decode(self, batch: Sequence[Messages]) -> Columns:
-        fields = _named(self._topic, self._decoder.decode, batch)
-        none = [Messages.none()]
-        log_time = np.concatenate([part.log_time_ns for part in batch or none])
-        publish_time = np.concatenate([part.publish_time_ns for part in batch or none])
-        times = {"log": log_time, "publish": publish_time}
-        time_ns = times[self._time] if self._time in times else self._header_time(fields)
-        return Columns(
-            self._topic,
-            time_ns,
-            log_time,
-            publish_time,
-            np.concatenate([part.sequence for part in batch or none]),
-            {path: column for path, column in fields.items() if path not in self._hidden},
-        )
-
-    def _header_time(self, fields: Mapping[str, Any]) -> Times:
-        seconds = fields[f"{self._stamp}.sec"].astype(np.int64)
-        return np.asarray(seconds * 1_000_000_000 + fields[f"{self._stamp}.nanosec"])
-
-
 def open_bag(*paths: str | Path) -> Bag:
     """Open MCAP files and folders of them as one bag; raises BagError.
 
@@ -437,21 +397,3 @@ def _qos(text: str) -> tuple[Mapping[str, Any], ...]:
     if not isinstance(profiles, list):
         return ()
     return tuple(profile for profile in profiles if isinstance(profile, dict))
-
-
-def _stamp_path(topic: str, schema: Schema) -> str:
-    """Return the path of the message's stamp."""
-    paths = field_paths(schema)
-    for stamp in ("header.stamp", "stamp"):
-        parts = [paths.get(f"{stamp}.{part}") for part in ("sec", "nanosec")]
-        if all(part is not None and part.ndim == 1 and part.dtype.kind in "iu" for part in parts):
-            return stamp
-    raise NoHeader(f"{topic} ({schema.name}) has no header: use the time base log or publish")
-
-
-def _named(topic: str, function: Any, *arguments: Any) -> Any:
-    """Call `function`; an error about a message names its topic."""
-    try:
-        return function(*arguments)
-    except UndecodableMessage as error:
-        raise UndecodableMessage(f"{topic}: {error}") from error
