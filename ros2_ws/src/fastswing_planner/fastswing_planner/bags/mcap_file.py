@@ -13,11 +13,11 @@ from fastswing_planner.bags.mcap_records import (
     HEAD,
     MESSAGE,
     PREFIX,
-    Messages,
     heads_at,
     message_heads,
     messages_at,
 )
+from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.errors import UnreadableBag
 
 _INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("place", "<u8")])

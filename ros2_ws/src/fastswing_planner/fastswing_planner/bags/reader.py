@@ -30,10 +30,10 @@ from mcap.records import Channel
 
 from fastswing_planner.bags.files import bag_files
 from fastswing_planner.bags.mcap_file import McapFile
-from fastswing_planner.bags.mcap_records import Messages, merged
 from fastswing_planner.bags.mcap_scan import scan
 from fastswing_planner.bags.topic_decoder import TimeBase, TopicDecoder, named
 from fastswing_planner.bags.writer import NOTES
+from fastswing_planner.cdr.batch import Messages, merged
 from fastswing_planner.cdr.columns import (
     Columns,
     field_paths,

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from fastswing_planner.bags.mcap_records import Messages
+from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.columns import ColumnDecoder, Columns, Times, field_paths
 from fastswing_planner.cdr.schema import Schema
 from fastswing_planner.errors import NoHeader, UndecodableMessage

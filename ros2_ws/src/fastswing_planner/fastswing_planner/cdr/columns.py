@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fastswing_planner.bags.mcap_records import Messages
+from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of, text_of
 from fastswing_planner.cdr.schema import Repeat, Schema, is_message
 from fastswing_planner.errors import UndecodableMessage, UnknownTopic

@@ -13,7 +13,7 @@ from mcap.records import Schema as SchemaRecord
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from fastswing_planner.bags.mcap_records import Messages
+from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.columns import ColumnDecoder
 from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.schema import PRIMITIVE_SIZE, is_message, parse_ros2msg
