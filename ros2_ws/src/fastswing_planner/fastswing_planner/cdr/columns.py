@@ -13,7 +13,8 @@ import numpy.typing as npt
 
 from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of, text_of
-from fastswing_planner.cdr.schema import Repeat, Schema, is_message
+from fastswing_planner.cdr.primitives import is_message
+from fastswing_planner.cdr.schema import Repeat, Schema
 from fastswing_planner.errors import UndecodableMessage, UnknownTopic
 
 Column = npt.NDArray[Any]

@@ -10,14 +10,8 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from fastswing_planner.cdr.schema import (
-    PRIMITIVE_SIZE,
-    TEXTS,
-    Field,
-    Repeat,
-    Schema,
-    is_message,
-)
+from fastswing_planner.cdr.primitives import PRIMITIVE_SIZE, TEXTS, is_message
+from fastswing_planner.cdr.schema import Field, Repeat, Schema
 from fastswing_planner.errors import UndecodableMessage
 
 HEADER_SIZE = 4

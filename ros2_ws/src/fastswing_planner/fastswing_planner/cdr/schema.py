@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from fastswing_planner.cdr.primitives import is_message
 from fastswing_planner.errors import UndecodableMessage
 
 _SEPARATOR = re.compile(r"^={80}\r?\n", re.MULTILINE)
@@ -17,23 +18,6 @@ _FIELD = re.compile(
 )
 _DEEPEST = 100
 _ALIASES = {"byte": "uint8", "char": "uint8"}
-
-PRIMITIVE_SIZE = {
-    "bool": 1,
-    "int8": 1,
-    "uint8": 1,
-    "int16": 2,
-    "uint16": 2,
-    "int32": 4,
-    "uint32": 4,
-    "int64": 8,
-    "uint64": 8,
-    "float32": 4,
-    "float64": 8,
-}
-"""[bytes] of each type of fixed size; its alignment too."""
-
-TEXTS = ("string", "wstring")
 
 
 class Repeat(Enum):
@@ -75,11 +59,6 @@ def full_name(name: str) -> str:
     """Return 'package/msg/Name' of 'package/Name' or of itself."""
     parts = name.split("/")
     return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
-
-
-def is_message(type_name: str) -> bool:
-    """Whether a field's type is a message of its own."""
-    return type_name not in PRIMITIVE_SIZE and type_name not in TEXTS
 
 
 def parse_ros2msg(name: str, text: str) -> Schema:
