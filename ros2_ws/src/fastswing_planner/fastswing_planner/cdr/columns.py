@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of, text_of
-from fastswing_planner.cdr.primitives import is_message
+from fastswing_planner.cdr.primitives import DTYPES, is_message
 from fastswing_planner.cdr.schema import Repeat, Schema
 from fastswing_planner.errors import UndecodableMessage, UnknownTopic
 
@@ -22,20 +22,6 @@ Bytes = npt.NDArray[np.uint8]
 Times = npt.NDArray[np.int64]
 
 _KEPT_LAYOUTS = 64
-DTYPES = {
-    "bool": "?",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "int64": "i8",
-    "uint64": "u8",
-    "float32": "f4",
-    "float64": "f8",
-}
-"""numpy's name of each primitive type, without byte order."""
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,8 @@ import numpy as np
 import numpy.typing as npt
 from rclpy.serialization import deserialize_message, serialize_message
 
-from fastswing_planner.cdr.columns import DTYPES
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of
-from fastswing_planner.cdr.primitives import is_message
+from fastswing_planner.cdr.primitives import DTYPES, is_message
 from fastswing_planner.cdr.schema import Repeat, Schema, parse_ros2msg
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.errors import InvalidRequest, UndecodableMessage
