@@ -6,11 +6,7 @@ import re
 import sys
 from typing import NoReturn
 
-from numpy.typing import ArrayLike
-
-from fastswing_planner.errors import UnknownName
 from fastswing_planner.planning.request import Method
-from fastswing_planner.robot.description import Robot
 
 _NEGATIVE = re.compile(r"^-[0-9.][0-9.,eE+-]*$")
 
@@ -47,20 +43,6 @@ def numbers(text: str) -> list[float]:
         return [float(part) for part in text.split(",")]
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"'{text}' is not numbers with commas") from error
-
-
-def posture_argument(option: str, text: str, robot: Robot) -> ArrayLike:
-    """Return the angles [rad], shape (n,), or those of a named posture; raises UnknownName."""
-    if text in robot.postures:
-        return robot.postures[text]
-    try:
-        return numbers(text)
-    except argparse.ArgumentTypeError as error:
-        raise UnknownName(
-            f"{option} is '{text}': give one angle [rad] for each of "
-            f"{', '.join(robot.model.joint_names)}, with commas between, or a posture of the "
-            f"robot: {', '.join(robot.postures)}"
-        ) from error
 
 
 def say(text: str) -> None:

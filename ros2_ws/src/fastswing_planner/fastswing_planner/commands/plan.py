@@ -10,8 +10,9 @@ from pathlib import Path
 
 from numpy.typing import ArrayLike
 
-from fastswing_planner.command_line import OneLineParser, numbers, posture_argument, say
+from fastswing_planner.command_line import OneLineParser, numbers, say
 from fastswing_planner.commands.plan_report import comparison_record, plan_record, plan_text
+from fastswing_planner.commands.swing_arguments import posture_argument
 from fastswing_planner.errors import (
     InvalidRequest,
     PlannerError,

@@ -16,7 +16,8 @@ from rclpy.task import Future
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingOptions
-from fastswing_planner.command_line import OneLineParser, posture_argument, say
+from fastswing_planner.command_line import OneLineParser, say
+from fastswing_planner.commands.swing_arguments import posture_argument
 from fastswing_planner.conversion.error_codes import error_name
 from fastswing_planner.errors import (
     InvalidRequest,

@@ -1,0 +1,23 @@
+"""The postures of a swing on a command line."""
+
+import argparse
+
+from numpy.typing import ArrayLike
+
+from fastswing_planner.command_line import numbers
+from fastswing_planner.errors import UnknownName
+from fastswing_planner.robot.description import Robot
+
+
+def posture_argument(option: str, text: str, robot: Robot) -> ArrayLike:
+    """Return the angles [rad], shape (n,), or those of a named posture; raises UnknownName."""
+    if text in robot.postures:
+        return robot.postures[text]
+    try:
+        return numbers(text)
+    except argparse.ArgumentTypeError as error:
+        raise UnknownName(
+            f"{option} is '{text}': give one angle [rad] for each of "
+            f"{', '.join(robot.model.joint_names)}, with commas between, or a posture of the "
+            f"robot: {', '.join(robot.postures)}"
+        ) from error
