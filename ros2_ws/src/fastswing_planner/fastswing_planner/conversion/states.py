@@ -14,7 +14,7 @@ from fastswing_msgs.msg import MuscleState
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.conversion.raw_messages import STAMP
 from fastswing_planner.errors import NotFinite, PlannerError, UnknownName, WrongLength
-from fastswing_planner.execution.swing_execution import JointMeasurement, MuscleMeasurement
+from fastswing_planner.execution.measurements import JointMeasurement, MuscleMeasurement
 
 
 class NamedColumns:

@@ -7,13 +7,17 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import NamedTuple
 
 import numpy as np
 
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import InvalidLimit, SwingAborted
 from fastswing_planner.execution.figures import SwingFigures, SwingMeasurement
+from fastswing_planner.execution.measurements import (
+    InhibitionReport,
+    JointMeasurement,
+    MuscleMeasurement,
+)
 from fastswing_planner.execution.posture_path import (
     PosturePath,
     encoder_lengths,
@@ -117,51 +121,6 @@ class Orders:
     lengths: Vector | None = None
     arm: bool = False
     disarm: bool = False
-
-
-class JointMeasurement(NamedTuple):
-    """time [s]; position [rad] and velocity [rad/s], shape (n,)."""
-
-    time: float
-    position: Vector
-    velocity: Vector
-
-
-class MuscleMeasurement(NamedTuple):
-    """One muscle state; vectors of shape (m,).
-
-    time              [s]
-    length, velocity  [m], [m/s]
-    tension           [N]
-    faulty            names of muscles with a latched fault
-    limp              names of muscles at zero current
-    driven            names of muscles that follow a tension or a current
-    holds             how often the bridge was told to hold the arm
-    """
-
-    time: float
-    length: Vector
-    velocity: Vector
-    tension: Vector
-    faulty: tuple[str, ...] = ()
-    limp: tuple[str, ...] = ()
-    driven: tuple[str, ...] = ()
-    holds: int = 0
-
-
-class InhibitionReport(NamedTuple):
-    """What the inhibitor tells of itself.
-
-    time     [s] at which it was made
-    armed    whether it goes on deciding
-    reached  whether it ended because the goal was reached or passed
-    reason   why it is not armed
-    """
-
-    time: float
-    armed: bool
-    reached: bool = False
-    reason: str = ""
 
 
 def refuse_muscles(muscles: MuscleMeasurement, holds: int, inhibiting: bool = False) -> None:

@@ -20,13 +20,13 @@ from fastswing_planner.conversion.states import (
     RejectionCounter,
 )
 from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
-from fastswing_planner.execution.rest import RestWatch
-from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
+from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
 )
+from fastswing_planner.execution.rest import RestWatch
+from fastswing_planner.execution.swing_execution import ExecutionSettings
 from fastswing_planner.lifecycle.managed_node import (
     RAW_MESSAGES,
     ROBOT_DESCRIPTION,

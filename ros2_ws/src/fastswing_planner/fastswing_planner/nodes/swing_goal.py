@@ -21,12 +21,14 @@ from fastswing_planner.conversion.plans import (
     predicted_figures,
 )
 from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
-from fastswing_planner.execution.rest import RestWatch
-from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
+from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
+)
+from fastswing_planner.execution.rest import RestWatch
+from fastswing_planner.execution.swing_execution import (
+    ExecutionSettings,
     Orders,
     Phase,
     PreparedSwing,

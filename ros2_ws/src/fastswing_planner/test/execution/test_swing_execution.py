@@ -9,12 +9,14 @@ import pytest
 
 from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import HoldingInfeasible, InvalidLimit, SwingAborted
-from fastswing_planner.execution.posture_path import encoder_lengths
-from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
+from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
+)
+from fastswing_planner.execution.posture_path import encoder_lengths
+from fastswing_planner.execution.swing_execution import (
+    ExecutionSettings,
     Orders,
     Phase,
     PreparedSwing,

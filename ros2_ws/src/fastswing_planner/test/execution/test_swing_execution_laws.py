@@ -9,11 +9,13 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import SwingAborted
-from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
+from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
+)
+from fastswing_planner.execution.swing_execution import (
+    ExecutionSettings,
     Orders,
     Phase,
     PreparedSwing,

@@ -9,7 +9,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.execution.swing_execution import MuscleMeasurement
+from fastswing_planner.execution.measurements import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.arm_view.muscle_lines import (
     SLACK_COLOUR,

@@ -20,11 +20,13 @@ from fastswing_inhibitor.inhibition import (
 )
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.execution.figures import SwingFigures
-from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
+from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
+)
+from fastswing_planner.execution.swing_execution import (
+    ExecutionSettings,
     Orders,
     Phase,
     PreparedSwing,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from fastswing_planner.execution.swing_execution import MuscleMeasurement
+from fastswing_planner.execution.measurements import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.arm_view.markers import LIMP, LINKS, MUSCLES, ArmMarkers
 from musashi_muscle_bridge.arm_view.muscle_lines import SLACK_COLOUR
