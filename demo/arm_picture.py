@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
 from fastswing_planner.execution.measurements import MuscleMeasurement
-from fastswing_planner.execution.swing_execution import Phase
+from fastswing_planner.execution.settings import Phase
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path

@@ -30,7 +30,7 @@ from report import draw_swing, table_text, write_report
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingFigures, SwingOptions
-from fastswing_planner.execution.swing_execution import Phase
+from fastswing_planner.execution.settings import Phase
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 

@@ -22,7 +22,7 @@ from plant_sweep import draw_sweep
 from robot_targets import PEAK, TENSION, Outcome, cost, swing_outcome
 
 from fastswing_planner.errors import SwingAborted
-from fastswing_planner.execution.swing_execution import ExecutionSettings
+from fastswing_planner.execution.settings import ExecutionSettings
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver

@@ -13,7 +13,7 @@ from matplotlib import pyplot as plt
 from numpy.typing import NDArray
 from robot_targets import swing_outcome
 
-from fastswing_planner.execution.swing_execution import ExecutionSettings
+from fastswing_planner.execution.settings import ExecutionSettings
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.qp.solvers import ProxSuiteSolver

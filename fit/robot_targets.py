@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.errors import SwingAborted
-from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot

@@ -12,7 +12,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.planning.speed_index import swing_speed_index

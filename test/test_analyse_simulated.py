@@ -18,7 +18,7 @@ from fastswing_planner.analysis.recording import (
     Recording,
 )
 from fastswing_planner.execution.figures import SwingFigures
-from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver

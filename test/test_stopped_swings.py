@@ -23,7 +23,7 @@ from fastswing_msgs.msg import (
     SwingOptions,
     TensionCommand,
 )
-from fastswing_planner.execution.swing_execution import Phase
+from fastswing_planner.execution.settings import Phase
 
 if TYPE_CHECKING:
     from test.conftest import Suite

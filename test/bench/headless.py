@@ -11,7 +11,7 @@ from growth_picture import draw
 from limbed_arm import write_limbed_arm
 from rounds import Row, Samples, in_turns, row
 
-from fastswing_planner.execution.swing_execution import ExecutionSettings
+from fastswing_planner.execution.settings import ExecutionSettings
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from

@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, MuscleState, SwingOptions
-from fastswing_planner.execution.swing_execution import ExecutionSettings
+from fastswing_planner.execution.settings import ExecutionSettings
 
 if TYPE_CHECKING:
     from test.conftest import Suite

@@ -12,7 +12,7 @@ from bench import ARRIVAL_TOLERANCE, HOLD, NODES, Bench, Disturbed
 from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO
 from fault_rows import Row, Safe
 
-from fastswing_planner.execution.swing_execution import ExecutionSettings
+from fastswing_planner.execution.settings import ExecutionSettings
 from musashi_muscle_bridge.control.period import command_limits
 
 ATTEMPTS = 8

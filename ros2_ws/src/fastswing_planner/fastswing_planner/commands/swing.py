@@ -25,7 +25,7 @@ from fastswing_planner.errors import (
     PlannerError,
     RobotDescriptionError,
 )
-from fastswing_planner.execution.swing_execution import Phase
+from fastswing_planner.execution.settings import Phase
 from fastswing_planner.planning.request import Method, posture
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path

@@ -26,7 +26,7 @@ from fastswing_planner.execution.measurements import (
     MuscleMeasurement,
 )
 from fastswing_planner.execution.rest import RestWatch
-from fastswing_planner.execution.swing_execution import ExecutionSettings
+from fastswing_planner.execution.settings import ExecutionSettings
 from fastswing_planner.lifecycle.managed_node import (
     RAW_MESSAGES,
     ROBOT_DESCRIPTION,

@@ -27,10 +27,9 @@ from fastswing_planner.execution.measurements import (
     MuscleMeasurement,
 )
 from fastswing_planner.execution.rest import RestWatch
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
     Orders,
-    Phase,
     PreparedSwing,
     SwingExecution,
     refuse_muscles,

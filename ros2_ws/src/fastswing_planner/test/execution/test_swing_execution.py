@@ -15,13 +15,8 @@ from fastswing_planner.execution.measurements import (
     MuscleMeasurement,
 )
 from fastswing_planner.execution.posture_path import encoder_lengths
-from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
-    Orders,
-    Phase,
-    PreparedSwing,
-    SwingExecution,
-)
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
+from fastswing_planner.execution.swing_execution import Orders, PreparedSwing, SwingExecution
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.muscle_model import MuscleModel

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from

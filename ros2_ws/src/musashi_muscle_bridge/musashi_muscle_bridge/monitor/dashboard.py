@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fastswing_planner.execution.swing_execution import Phase
+from fastswing_planner.execution.settings import Phase
 from musashi_muscle_bridge.buses.protocol import Fault, Mode
 from musashi_muscle_bridge.monitor.topic_pulse import TopicPulse
 

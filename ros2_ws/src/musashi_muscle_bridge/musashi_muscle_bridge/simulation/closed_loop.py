@@ -25,13 +25,8 @@ from fastswing_planner.execution.measurements import (
     JointMeasurement,
     MuscleMeasurement,
 )
-from fastswing_planner.execution.swing_execution import (
-    ExecutionSettings,
-    Orders,
-    Phase,
-    PreparedSwing,
-    SwingExecution,
-)
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
+from fastswing_planner.execution.swing_execution import Orders, PreparedSwing, SwingExecution
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.robot.description import Robot

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fastswing_planner.execution.swing_execution import ExecutionSettings, Phase
+from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
