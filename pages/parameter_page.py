@@ -9,7 +9,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
 
-from fastswing_planner.lifecycle.managed_node import EVERY_NODE
+from fastswing_planner.lifecycle.common_parameters import EVERY_NODE
 from fastswing_planner.lifecycle.parameters import Parameter
 
 PAGE = Path(__file__).parents[1] / "docs" / "parameters.md"

@@ -29,12 +29,8 @@ from fastswing_planner.conversion.error_codes import error_code
 from fastswing_planner.conversion.raw_messages import RawReader
 from fastswing_planner.conversion.states import JointStateReader, RejectionCounter
 from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
-from fastswing_planner.lifecycle.managed_node import (
-    RAW_MESSAGES,
-    ROBOT_DESCRIPTION,
-    ManagedNode,
-    run,
-)
+from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
+from fastswing_planner.lifecycle.managed_node import ManagedNode, run
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp

@@ -14,7 +14,7 @@ import pytest
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from fastswing_planner.lifecycle.managed_node import EVERY_NODE
+from fastswing_planner.lifecycle.common_parameters import EVERY_NODE
 from fastswing_planner.lifecycle.parameters import Parameter, check_all
 
 PACKAGE = Path(__file__).parents[1]

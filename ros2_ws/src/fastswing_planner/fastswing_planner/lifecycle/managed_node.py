@@ -23,35 +23,13 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
 from fastswing_planner.errors import PlannerError
+from fastswing_planner.lifecycle.common_parameters import AUTOSTART, EVERY_NODE
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter, check_all
 from fastswing_planner.lifecycle.real_time import (
-    REAL_TIME,
     ask_for_real_time,
     keep_what_there_is,
     tighten_timers,
 )
-from fastswing_planner.robot.path import MUSASHI
-
-AUTOSTART = Parameter(
-    "autostart",
-    True,
-    "Configure and activate at start, so that a bridge holds the arm at once; false: wait for a "
-    "lifecycle manager.",
-)
-ROBOT_DESCRIPTION = Parameter(
-    "robot_description",
-    MUSASHI,
-    "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH. The same for all "
-    "nodes of an arm, or plans and limits are another arm's.",
-)
-RAW_MESSAGES = Parameter(
-    "raw_messages",
-    True,
-    "Read and write messages at rate in their serialised form, so that states and overrides come "
-    "sooner; false: the ordinary, slower way, with the same content.",
-)
-EVERY_NODE = (AUTOSTART, *REAL_TIME)
-"""Parameters that every node has."""
 
 # Nodes draw nothing, and MuJoCo's window library costs a quarter of their start.
 os.environ.setdefault("MUJOCO_GL", "disable")

@@ -14,7 +14,8 @@ from fastswing_planner.conversion.plans import (
     write_plan,
 )
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
+from fastswing_planner.lifecycle.managed_node import ManagedNode, run
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.planning.plan import SwingPlanner
 from fastswing_planner.planning.swing import SETTING_RANGES, SwingSettings

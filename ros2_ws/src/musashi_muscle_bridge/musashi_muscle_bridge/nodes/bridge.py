@@ -21,12 +21,8 @@ from fastswing_msgs.msg import (
     TensionCommand,
 )
 from fastswing_planner.errors import InvalidLimit
-from fastswing_planner.lifecycle.managed_node import (
-    RAW_MESSAGES,
-    ROBOT_DESCRIPTION,
-    ManagedNode,
-    run,
-)
+from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
+from fastswing_planner.lifecycle.managed_node import ManagedNode, run
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.robot.description import load_robot

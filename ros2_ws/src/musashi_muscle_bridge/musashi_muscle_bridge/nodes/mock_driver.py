@@ -12,7 +12,8 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, ManagedNode, run
+from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
+from fastswing_planner.lifecycle.managed_node import ManagedNode, run
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path

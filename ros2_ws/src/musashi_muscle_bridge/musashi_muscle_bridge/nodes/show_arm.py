@@ -16,7 +16,8 @@ from fastswing_planner.conversion.states import (
     RejectionCounter,
 )
 from fastswing_planner.errors import InvalidRequest
-from fastswing_planner.lifecycle.managed_node import ROBOT_DESCRIPTION, run
+from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
+from fastswing_planner.lifecycle.managed_node import run
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
