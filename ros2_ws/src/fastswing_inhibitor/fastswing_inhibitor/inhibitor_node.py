@@ -30,10 +30,11 @@ from fastswing_planner.conversion.raw_messages import RawReader
 from fastswing_planner.conversion.states import JointStateReader, RejectionCounter
 from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
 from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
-from fastswing_planner.lifecycle.managed_node import ManagedNode, run
+from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
+from fastswing_planner.lifecycle.running import run
 from fastswing_planner.planning.request import checked_threshold, posture
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path

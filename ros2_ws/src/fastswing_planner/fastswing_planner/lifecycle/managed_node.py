@@ -1,13 +1,10 @@
 """The frame of every node: parameter table, lifecycle with autostart, diagnostics, clean end."""
 
 import os
-import signal
-import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
-from types import FrameType
 from typing import Any
 
 import rclpy
@@ -16,11 +13,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
-from rclpy.experimental import EventsExecutor
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.lifecycle.common_parameters import AUTOSTART, EVERY_NODE
@@ -28,18 +22,11 @@ from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter, 
 from fastswing_planner.lifecycle.real_time import (
     ask_for_real_time,
     keep_what_there_is,
-    tighten_timers,
 )
 
 # Nodes draw nothing, and MuJoCo's window library costs a quarter of their start.
 os.environ.setdefault("MUJOCO_GL", "disable")
-# Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others
-# take its port for the dead one's and remove it, and no emergency stop arrives any more.
-_TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 _NEARLY = 0.8  # of difflib's similarity; parameters of different nodes are below
-_OFTEN_SEC = 0.1
-_SPIN_SLICE_SEC = 3600.0
-_LAST_WORDS_SEC = 0.2
 _DIAGNOSTICS_PERIOD_SEC = 1.0
 
 
@@ -331,51 +318,3 @@ class ManagedNode(LifecycleNode):
         if listeners > self._listeners:
             self.publish_diagnostics()
         self._listeners = listeners
-
-
-def spin(node: ManagedNode, stop: Future) -> None:
-    """Spin until `stop` is done, then stop working; signals are noticed every _OFTEN_SEC."""
-    executor = EventsExecutor()
-    executor.add_node(node)
-    # Python calls its signal handlers between two of its own instructions, so this serves them too.
-    node.create_steady_timer(_OFTEN_SEC, node.greet_listeners)
-    # EventsExecutor.spin() without a timeout livelocks in rclpy 7.1, and each call of this one
-    # leaves some memory behind.
-    while not stop.done():
-        executor.spin_until_future_complete(stop, timeout_sec=_SPIN_SLICE_SEC)
-    node.stop_working()
-    # What the stop set going, such as an action's result, still has to leave.
-    executor.spin_until_future_complete(Future(), timeout_sec=_LAST_WORDS_SEC)
-
-
-def run(node_class: Callable[[], ManagedNode]) -> int:
-    """Run a node until SIGINT or SIGTERM; returns 0, or 2 if it could not start."""
-    stop = Future()
-
-    def on_signal(_signal: int, _frame: FrameType | None) -> None:
-        if not stop.done():
-            stop.set_result(None)
-
-    signal.signal(signal.SIGINT, on_signal)
-    signal.signal(signal.SIGTERM, on_signal)
-    os.environ.setdefault(*_TRANSPORT)
-    tighten_timers()  # before the middleware's threads, which inherit it
-    try:
-        # The context must outlive the signal, so that a node can publish its last word.
-        rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
-        node = node_class()
-    except Exception as error:
-        # ROS reads `200` as an integer and takes none where the default is `500.0`.
-        integer = "'INTEGER', expecting type 'DOUBLE'" in str(error)
-        hint = "; write it with a decimal point" if integer else ""
-        print(f"cannot start: {error}{hint}", file=sys.stderr)
-        rclpy.try_shutdown()
-        return 2
-    node.asked_to_end = stop.done
-    started = node.autostart()
-    if started:
-        spin(node, stop)
-    node.stop_working()
-    node.destroy_node()
-    rclpy.shutdown()
-    return 0 if started or stop.done() else 2

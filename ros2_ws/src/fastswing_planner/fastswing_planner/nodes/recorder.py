@@ -30,8 +30,9 @@ from fastswing_planner.conversion.definitions import (
     type_hash,
 )
 from fastswing_planner.errors import BagError, DuplicateName, UnknownName
-from fastswing_planner.lifecycle.managed_node import ManagedNode, run
+from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
+from fastswing_planner.lifecycle.running import run
 
 _QUEUE_DEPTH = 1000
 

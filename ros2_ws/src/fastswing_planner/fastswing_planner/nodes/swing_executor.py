@@ -28,9 +28,10 @@ from fastswing_planner.execution.measurements import (
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.settings import ExecutionSettings
 from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
-from fastswing_planner.lifecycle.managed_node import ManagedNode, run
+from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
+from fastswing_planner.lifecycle.running import run
 from fastswing_planner.nodes.executor_links import ExecutorLinks
 from fastswing_planner.nodes.swing_goal import SwingGoal, SwingSurroundings
 from fastswing_planner.planning.plan import SwingPlanner

@@ -22,9 +22,10 @@ from fastswing_msgs.msg import (
 )
 from fastswing_planner.errors import InvalidLimit
 from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
-from fastswing_planner.lifecycle.managed_node import ManagedNode, run
+from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
+from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.buses.bus import BUS_URL, group_urls

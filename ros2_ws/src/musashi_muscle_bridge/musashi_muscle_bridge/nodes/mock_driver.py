@@ -13,8 +13,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
-from fastswing_planner.lifecycle.managed_node import ManagedNode, run
+from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
+from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.buses.bus import BUS_URL, group_urls, open_all, open_board_port

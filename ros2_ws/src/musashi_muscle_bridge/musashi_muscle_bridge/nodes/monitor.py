@@ -18,8 +18,8 @@ from std_srvs.srv import Trigger
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, MuscleState
 from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
-from fastswing_planner.lifecycle.managed_node import run
 from fastswing_planner.lifecycle.parameters import Parameter
+from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.monitor.dashboard import (

@@ -17,8 +17,8 @@ from fastswing_planner.conversion.states import (
 )
 from fastswing_planner.errors import InvalidRequest
 from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
-from fastswing_planner.lifecycle.managed_node import run
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
+from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.arm_view.markers import ArmMarkers
