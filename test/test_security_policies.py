@@ -41,7 +41,7 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import LengthCommand
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.client import PlannerClient
-from fastswing_planner.nodes.recorder import TYPES, message_class
+from fastswing_planner.nodes.recorded_topics import TYPES, message_class
 
 ROOT = Path(__file__).parents[1]
 

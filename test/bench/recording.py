@@ -14,7 +14,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from fastswing_msgs.msg import InhibitionStatus
 from fastswing_planner.bags.reader import open_bag
-from fastswing_planner.nodes.recorder import message_class
+from fastswing_planner.nodes.recorded_topics import message_class
 
 RATE_HZ = 1000.0
 DOMAIN = 91

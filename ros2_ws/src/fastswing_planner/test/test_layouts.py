@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from ament_index_python.packages import get_package_share_directory
 
-from fastswing_planner.nodes.recorder import TYPES, message_class
+from fastswing_planner.nodes.recorded_topics import TYPES, message_class
 from fastswing_planner.robot.description import Robot
 
 LAYOUTS = Path(get_package_share_directory("fastswing_planner")) / "layouts"

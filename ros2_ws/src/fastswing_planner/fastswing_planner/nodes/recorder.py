@@ -9,22 +9,18 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from importlib import import_module
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.exceptions import NameValidationException
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 
 from fastswing_planner.bags.folder import BagFolder, check_folder
-from fastswing_planner.bags.metadata import BagTopic, OfferedQos
+from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import COMPRESSIONS, BagWriter, check_path
 from fastswing_planner.conversion.definitions import (
-    UnknownMessageType,
     definition_text,
     split_type_name,
     type_hash,
@@ -33,21 +29,15 @@ from fastswing_planner.errors import BagError, DuplicateName, UnknownName
 from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 from fastswing_planner.lifecycle.running import run
-
-_QUEUE_DEPTH = 1000
-
-TYPES = {
-    "joint_states": "sensor_msgs/msg/JointState",
-    "muscle_state": "fastswing_msgs/msg/MuscleState",
-    "length_command": "fastswing_msgs/msg/LengthCommand",
-    "tension_command": "fastswing_msgs/msg/TensionCommand",
-    "current_command": "fastswing_msgs/msg/CurrentCommand",
-    "current_override": "fastswing_msgs/msg/CurrentOverride",
-    "inhibition_status": "fastswing_msgs/msg/InhibitionStatus",
-    "swing_plan": "fastswing_msgs/msg/SwingPlan",
-    "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
-}
-LATCHED = frozenset({"swing_plan"})
+from fastswing_planner.nodes.recorded_topics import (
+    QUEUE_DEPTH,
+    TYPES,
+    RecordedTopic,
+    message_class,
+    offered_qos,
+    parse,
+    qos_for,
+)
 
 TABLE = (
     Parameter(
@@ -98,35 +88,6 @@ TABLE = (
 )
 
 
-@dataclass
-class _Recorded:
-    """One recorded topic on its way; `subscription` None: not subscribed yet."""
-
-    topic: BagTopic
-    message_class: type
-    qos: QoSProfile
-    subscription: Subscription | None = None
-    publishers: int = 0
-    messages: int = 0
-    bytes: int = 0
-    lost: int = 0
-    sequence: int = 0
-    earlier_messages: int = 0
-    earlier_lost: int = 0
-
-    def count(self, size: int, sequence: int) -> None:
-        """Count a message; a single publisher's missing sequence numbers were lost."""
-        if self.publishers == 1 and 0 < self.sequence < sequence:
-            self.lost += sequence - self.sequence - 1
-        self.sequence = sequence
-        self.messages += 1
-        self.bytes += size
-
-    def next_file(self) -> None:
-        """Let the present counts be those of earlier files."""
-        self.earlier_messages, self.earlier_lost = self.messages, self.lost
-
-
 class WithInfo:
     """Makes rclpy pass the message information along.
 
@@ -146,61 +107,13 @@ class WithInfo:
         self._handle(data, info)
 
 
-def message_class(type_name: str) -> type:
-    """Return the Python class of 'package/msg/Name'; raises UnknownMessageType."""
-    package, name = split_type_name(type_name)
-    try:
-        found: type = getattr(import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError) as error:
-        raise UnknownMessageType(f"message '{type_name}' is not installed") from error
-    return found
-
-
-def offered_qos(profile: QoSProfile) -> OfferedQos:
-    """Return a publisher's QoS in rosbag2's words."""
-    return OfferedQos(
-        history=profile.history.name.lower(),
-        depth=profile.depth,
-        reliability=profile.reliability.name.lower(),
-        durability=profile.durability.name.lower(),
-        deadline_ns=profile.deadline.nanoseconds,
-        lifespan_ns=profile.lifespan.nanoseconds,
-        liveliness=profile.liveliness.name.lower(),
-        liveliness_lease_ns=profile.liveliness_lease_duration.nanoseconds,
-        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
-    )
-
-
-def _qos_for(name: str) -> QoSProfile:
-    if name in LATCHED:
-        return QoSProfile(
-            depth=1,
-            reliability=ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        )
-    # Best effort hears every publisher and never makes one wait.
-    return QoSProfile(depth=_QUEUE_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
-
-
-def _parse(entry: str) -> tuple[str, str]:
-    """Return name and type of an entry of the parameter `topics`."""
-    name, _, type_name = entry.strip().partition(" ")
-    type_name = type_name.strip() or TYPES.get(name.rpartition("/")[2], "")
-    if not type_name:
-        raise UnknownName(
-            f"the type of topic '{name}' is not known: write '{name} PACKAGE/msg/TYPE', "
-            f"or choose from: {', '.join(TYPES)}"
-        )
-    return name, type_name
-
-
 class RecordNode(ManagedNode):
     """Active means: subscribed, and the file is open. Deactivated, the file is finished."""
 
     def __init__(self) -> None:
         """Declare parameters."""
         super().__init__("recorder", TABLE)
-        self._recorded: list[_Recorded] = []
+        self._recorded: list[RecordedTopic] = []
         self._bag: BagWriter | BagFolder | None = None
         self._failure = ""
 
@@ -220,14 +133,14 @@ class RecordNode(ManagedNode):
         (check_path if self._is_file else check_folder)(self._output)
         self._compression: str = parameters["compression"]
         self._chunk_size: int = parameters["chunk_size"]
-        self._recorded = [self._look_up(*_parse(entry)) for entry in parameters["topics"]]
+        self._recorded = [self._look_up(*parse(entry)) for entry in parameters["topics"]]
         names = [recorded.topic.name for recorded in self._recorded]
         for name in names:
             if names.count(name) > 1:
                 raise DuplicateName(f"topic {name} is named more than once in topics")
         self._flush_timer = self.create_steady_timer(parameters["flush_period"], self._on_timer)
 
-    def _look_up(self, name: str, type_name: str) -> _Recorded:
+    def _look_up(self, name: str, type_name: str) -> RecordedTopic:
         try:
             validate_topic_name(name)
             full_name = self.resolve_topic_name(name)
@@ -235,7 +148,7 @@ class RecordNode(ManagedNode):
             raise UnknownName(f"'{name}' is no topic name: {error}") from error
         full_type = "/msg/".join(split_type_name(type_name))
         topic = BagTopic(full_name, full_type, definition_text(type_name))
-        return _Recorded(topic, message_class(type_name), _qos_for(name.rpartition("/")[2]))
+        return RecordedTopic(topic, message_class(type_name), qos_for(name.rpartition("/")[2]))
 
     def cleanup(self) -> None:
         """Forget the topics."""
@@ -258,7 +171,7 @@ class RecordNode(ManagedNode):
         for recorded in self._recorded:
             self._subscribe(recorded)
 
-    def _subscribe(self, recorded: _Recorded) -> None:
+    def _subscribe(self, recorded: RecordedTopic) -> None:
         def handle(data: bytes, info: Mapping[str, Any]) -> None:
             self._on_message(recorded, data, info)
 
@@ -291,12 +204,12 @@ class RecordNode(ManagedNode):
         else:
             self.get_logger().info(f"{bag.message_count} messages recorded in {bag.path}")
 
-    def _drain(self, recorded: _Recorded) -> None:
+    def _drain(self, recorded: RecordedTopic) -> None:
         """Record what waits in the subscription's queue."""
         assert recorded.subscription is not None
         handle = recorded.subscription.handle
         with handle:
-            for _ in range(_QUEUE_DEPTH):
+            for _ in range(QUEUE_DEPTH):
                 waiting = handle.take_message(recorded.message_class, True)
                 if waiting is None:
                     return
@@ -318,7 +231,7 @@ class RecordNode(ManagedNode):
 
     # Messages.
 
-    def _on_message(self, recorded: _Recorded, data: bytes, info: Mapping[str, Any]) -> None:
+    def _on_message(self, recorded: RecordedTopic, data: bytes, info: Mapping[str, Any]) -> None:
         if self._bag is None:
             return
         try:
@@ -341,7 +254,7 @@ class RecordNode(ManagedNode):
         received = info["received_timestamp"] or clock.now().nanoseconds
         return received, info["source_timestamp"] or received
 
-    def _announce(self, bag: BagWriter | BagFolder, recorded: _Recorded) -> None:
+    def _announce(self, bag: BagWriter | BagFolder, recorded: RecordedTopic) -> None:
         """Add the topic to the bag, with what its publishers say of themselves."""
         topic = recorded.topic
         publishers = self.get_publishers_info_by_topic(topic.name)
