@@ -32,7 +32,8 @@ from swing_targets import (
     travel_arms,
 )
 
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver

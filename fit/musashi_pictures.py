@@ -17,7 +17,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from swing_targets import ELBOW_PITCH, EPSILON, JOINTS, MUSCLES, PEAK, travel_arms
 
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver

@@ -23,7 +23,8 @@ from robot_targets import PEAK, TENSION, Outcome, cost, swing_outcome
 
 from fastswing_planner.errors import SwingAborted
 from fastswing_planner.execution.settings import ExecutionSettings
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot

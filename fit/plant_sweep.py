@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from robot_targets import swing_outcome
 
 from fastswing_planner.execution.settings import ExecutionSettings
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot

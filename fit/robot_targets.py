@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from fastswing_planner.errors import SwingAborted
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Mode

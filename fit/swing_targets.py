@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fastswing_planner.errors import SolverFailed, SwingBlocked
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method
 from fastswing_planner.planning.speed_index import swing_speed_index
 from fastswing_planner.planning.swing import SwingSettings, Trajectory, simulate_swing

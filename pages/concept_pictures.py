@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.planning.speed_index import swing_speed_index
 from fastswing_planner.qp.solvers import ProxSuiteSolver

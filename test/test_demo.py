@@ -22,7 +22,7 @@ from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.execution.figures import SwingFigures
 from fastswing_planner.execution.settings import ExecutionSettings
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import load_robot

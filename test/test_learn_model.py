@@ -19,7 +19,7 @@ from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.commands.learn_model import main
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.errors import OutOfRange
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver

@@ -12,7 +12,8 @@ from limbed_arm import write_limbed_arm
 from rounds import Row, Samples, in_turns, row
 
 from fastswing_planner.execution.settings import ExecutionSettings
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot

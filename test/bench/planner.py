@@ -27,7 +27,7 @@ from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.conversion.plans import plan_to_message
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, Search, SwingRequest
 from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import SOLVERS, solver_from

@@ -19,7 +19,7 @@ from fastswing_planner.errors import (
     RobotDescriptionError,
     WrongLength,
 )
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import (
     Method,
     MuscleConstants,

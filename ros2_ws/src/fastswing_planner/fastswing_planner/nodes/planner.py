@@ -18,7 +18,7 @@ from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.swing import SETTING_RANGES, SwingSettings
 from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import load_robot

@@ -34,7 +34,7 @@ from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_reque
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.nodes.executor_links import ExecutorLinks
 from fastswing_planner.nodes.swing_goal import SwingGoal, SwingSurroundings
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path

@@ -32,7 +32,8 @@ from fastswing_planner.errors import (
     WrongLength,
 )
 from fastswing_planner.planning.mask_search import Verdict
-from fastswing_planner.planning.plan import Outcome, SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import Outcome, SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.planning.swing import SETTING_RANGES, SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver

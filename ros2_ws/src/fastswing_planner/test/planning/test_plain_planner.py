@@ -20,7 +20,8 @@ from scipy.optimize import lsq_linear, nnls
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
 from fastswing_planner.errors import InvalidLimit
 from fastswing_planner.planning.mask_search import Verdict
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, Search, SwingRequest
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, Search, SwingRequest
 from fastswing_planner.planning.swing import SwingSettings, simulate_swing
 from fastswing_planner.qp.solvers import SOLVERS, solver_from

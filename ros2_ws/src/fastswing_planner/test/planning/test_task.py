@@ -26,7 +26,8 @@ from fastswing_planner.errors import (
     UnknownName,
     WrongLength,
 )
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import (
     Method,
     MuscleConstants,

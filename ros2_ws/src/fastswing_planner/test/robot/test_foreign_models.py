@@ -19,7 +19,8 @@ from hypothesis import strategies as st
 
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import RobotDescriptionError
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.joint_coupling import JointCoupling

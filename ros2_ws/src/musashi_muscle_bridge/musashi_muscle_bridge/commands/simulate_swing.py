@@ -7,7 +7,8 @@ from pathlib import Path
 
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot

@@ -27,7 +27,8 @@ from fastswing_planner.execution.measurements import (
 )
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.execution.swing_execution import Orders, PreparedSwing, SwingExecution
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Fault, Mode, StateFrame, WatchdogAction

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.planning.plan import SwingPlan, SwingPlanner
+from fastswing_planner.planning.plan import SwingPlan
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot
