@@ -35,7 +35,7 @@ from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.lifecycle.running import run
-from fastswing_planner.planning.request import checked_threshold, posture
+from fastswing_planner.planning.task import checked_threshold, posture
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import resolve_path
 

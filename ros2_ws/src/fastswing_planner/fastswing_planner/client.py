@@ -20,7 +20,8 @@ from fastswing_planner.conversion.plans import (
 )
 from fastswing_planner.errors import PlannerUnavailable, UnknownName
 from fastswing_planner.planning.plan import Outcome, SwingPlan
-from fastswing_planner.planning.request import Method, SwingRequest, checked_time_limit
+from fastswing_planner.planning.request import Method, SwingRequest
+from fastswing_planner.planning.task import checked_time_limit
 
 _SLICE_SEC = 0.1
 _ASK_AGAIN_SEC = 5.0

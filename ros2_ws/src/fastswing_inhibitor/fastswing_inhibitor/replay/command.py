@@ -14,7 +14,7 @@ from fastswing_inhibitor.replay.text import replay_text
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import PlannerError
-from fastswing_planner.planning.request import checked_threshold
+from fastswing_planner.planning.task import checked_threshold
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.path import MUSASHI, resolve_path

@@ -20,14 +20,9 @@ from fastswing_planner.errors import (
     WrongLength,
 )
 from fastswing_planner.planning.planner import SwingPlanner
-from fastswing_planner.planning.request import (
-    Method,
-    MuscleConstants,
-    Search,
-    SwingRequest,
-    requested_limits,
-)
+from fastswing_planner.planning.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.planning.swing import SwingSettings
+from fastswing_planner.planning.task import requested_limits
 from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import Payload

@@ -26,7 +26,8 @@ from fastswing_planner.errors import (
     RobotDescriptionError,
 )
 from fastswing_planner.execution.settings import Phase
-from fastswing_planner.planning.request import Method, posture
+from fastswing_planner.planning.request import Method
+from fastswing_planner.planning.task import posture
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 

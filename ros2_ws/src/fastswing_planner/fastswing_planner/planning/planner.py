@@ -13,9 +13,10 @@ from fastswing_planner.planning.holding_margin import holding_margin
 from fastswing_planner.planning.known_swings import KnownSwings
 from fastswing_planner.planning.mask_search import Candidate, MaskSearch, SearchResult, antagonists
 from fastswing_planner.planning.plan import Outcome, SwingPlan
-from fastswing_planner.planning.request import Method, Search, SwingRequest, SwingTask, checked_task
+from fastswing_planner.planning.request import Method, Search, SwingRequest
 from fastswing_planner.planning.speed_index import swing_speed_index
 from fastswing_planner.planning.swing import Trajectory, simulate_swing
+from fastswing_planner.planning.task import SwingTask, checked_task
 from fastswing_planner.qp.problem import QpSolver
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload

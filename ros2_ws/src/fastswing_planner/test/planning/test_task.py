@@ -33,10 +33,9 @@ from fastswing_planner.planning.request import (
     MuscleConstants,
     Search,
     SwingRequest,
-    checked_task,
     choice_from,
-    requested_limits,
 )
+from fastswing_planner.planning.task import checked_task, requested_limits
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import Payload
