@@ -5,7 +5,6 @@ zero-current override > current > tension > length.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 from fastswing_planner.arrays import BoolVector, Vector, frozen, made_frozen
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.control.command_checks import check_lease
+from musashi_muscle_bridge.control.command_limits import CommandLimits
 
 ModeVector = NDArray[np.uint8]
 
@@ -23,29 +23,6 @@ _ZERO_CURRENT, _LENGTH = int(Mode.ZERO_CURRENT), np.uint8(Mode.LENGTH)
 _ALL = slice(None)
 _MAX_STEP_SEC = 0.05
 """[s] After a stall a setpoint that moves back into place goes on, it does not catch up."""
-
-
-@dataclass(frozen=True)
-class CommandLimits:
-    """What commands are clamped to; vectors of shape (m,).
-
-    length_min, length_max  [m]
-    tension_max             [N] of a tension command
-    tension_limit           [N] above it the boards pay out
-    current_max             [A] of a current command; less than 0 would wind the wire off its drum
-    velocity                [m/s] of re-engaging, and of winding in by a current
-    stream_timeout          [s] without a tension or current command until the muscle holds
-    max_lease               [s]
-    """
-
-    length_min: Vector
-    length_max: Vector
-    tension_max: Vector
-    tension_limit: Vector
-    current_max: Vector
-    velocity: Vector
-    stream_timeout: float
-    max_lease: float
 
 
 class Setpoints(NamedTuple):

@@ -21,8 +21,9 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.control.arbiter import CommandArbiter, CommandLimits
+from musashi_muscle_bridge.control.arbiter import CommandArbiter
 from musashi_muscle_bridge.control.board_group import GroupControl
+from musashi_muscle_bridge.control.command_limits import CommandLimits
 from musashi_muscle_bridge.control.pull_limit import limited_pull, pulls
 
 _MAX_CORNER_JOINTS = 8  # all corners of the travel up to here, as many drawn ones beyond

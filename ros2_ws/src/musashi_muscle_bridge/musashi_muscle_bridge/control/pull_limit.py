@@ -8,7 +8,8 @@ import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from musashi_muscle_bridge.buses.protocol import Mode
-from musashi_muscle_bridge.control.arbiter import CommandLimits, Setpoints
+from musashi_muscle_bridge.control.arbiter import Setpoints
+from musashi_muscle_bridge.control.command_limits import CommandLimits
 
 _CURRENT = int(Mode.CURRENT)
 

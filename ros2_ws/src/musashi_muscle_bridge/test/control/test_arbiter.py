@@ -10,7 +10,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from fastswing_planner.arrays import Vector, frozen
 from musashi_muscle_bridge.buses.protocol import Mode
-from musashi_muscle_bridge.control.arbiter import CommandArbiter, CommandLimits, Setpoints
+from musashi_muscle_bridge.control.arbiter import CommandArbiter, Setpoints
+from musashi_muscle_bridge.control.command_limits import CommandLimits
 from musashi_muscle_bridge.errors import CommandRejected
 
 NAMES = ("a", "b", "c")
