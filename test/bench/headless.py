@@ -19,7 +19,8 @@ from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.buses.protocol import Mode, WatchdogAction
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.command_limits import command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.emulation.plant import arm_mjcf
 from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop

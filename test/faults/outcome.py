@@ -13,7 +13,7 @@ from board_lines import CURRENT, LENGTH, TENSION, WATCHDOG, ZERO
 from fault_rows import Row, Safe
 
 from fastswing_planner.execution.settings import ExecutionSettings
-from musashi_muscle_bridge.control.period import command_limits
+from musashi_muscle_bridge.control.command_limits import command_limits
 
 ATTEMPTS = 8
 STALL_SEC = 0.08

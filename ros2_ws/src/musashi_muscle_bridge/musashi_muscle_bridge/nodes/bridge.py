@@ -37,6 +37,7 @@ from musashi_muscle_bridge.control.command_checks import (
     checked_index,
     checked_values,
 )
+from musashi_muscle_bridge.control.command_limits import command_limits
 from musashi_muscle_bridge.control.loop import Measurement
 from musashi_muscle_bridge.control.orders import (
     ClearFaults,
@@ -47,7 +48,7 @@ from musashi_muscle_bridge.control.orders import (
     Order,
     Override,
 )
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits, slack
+from musashi_muscle_bridge.control.period import ControlPeriod, slack
 from musashi_muscle_bridge.control.process import ControlProcess, LoopTask
 from musashi_muscle_bridge.errors import CommandRejected
 from musashi_muscle_bridge.nodes.state_messages import (

@@ -32,7 +32,8 @@ from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Fault, Mode, StateFrame, WatchdogAction
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.command_limits import command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.emulation.boards import Boards
 
 # Plain numbers: they compare much faster than an enumeration's members.

@@ -14,7 +14,8 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.command_limits import command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.emulation.board_link import BoardLink
 from musashi_muscle_bridge.emulation.boards import Boards
 

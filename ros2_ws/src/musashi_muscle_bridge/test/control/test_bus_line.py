@@ -9,7 +9,8 @@ import pytest
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import CommandFrame, WatchdogAction
 from musashi_muscle_bridge.control.bus_line import BusLine
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.command_limits import command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.emulation.board_link import BoardLink
 from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import BusTimeout

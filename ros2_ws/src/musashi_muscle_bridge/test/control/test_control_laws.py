@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Mode, StateFrame, WatchdogAction
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.command_limits import command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.emulation.boards import Boards
 
 PERIOD = 0.002

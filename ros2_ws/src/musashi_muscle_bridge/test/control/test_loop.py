@@ -14,6 +14,7 @@ from fastswing_planner.robot.board_groups import BoardGroup
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import CommandFrame, Mode, StateFrame, WatchdogAction
 from musashi_muscle_bridge.control.channel import Channel, channel_pair
+from musashi_muscle_bridge.control.command_limits import command_limits
 from musashi_muscle_bridge.control.loop import ControlLoop, LoopStatus, Measurement
 from musashi_muscle_bridge.control.orders import (
     ClearFaults,
@@ -24,7 +25,7 @@ from musashi_muscle_bridge.control.orders import (
     Order,
     after_the_last_stop,
 )
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.emulation.board_link import BoardLink
 from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import BusError, BusTimeout

@@ -13,7 +13,8 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits, length_range, slack
+from musashi_muscle_bridge.control.command_limits import command_limits, length_range
+from musashi_muscle_bridge.control.period import ControlPeriod, slack
 from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.errors import FrameError
 

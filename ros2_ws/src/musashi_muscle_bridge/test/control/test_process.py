@@ -15,9 +15,10 @@ import pytest
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.bus import open_board_port
 from musashi_muscle_bridge.buses.protocol import WatchdogAction
+from musashi_muscle_bridge.control.command_limits import command_limits
 from musashi_muscle_bridge.control.loop import Measurement
 from musashi_muscle_bridge.control.orders import EmergencyStop, Heartbeat, Hold, Override
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.control.process import ControlProcess, LoopTask
 from musashi_muscle_bridge.emulation.board_link import BoardLink
 from musashi_muscle_bridge.emulation.boards import Boards

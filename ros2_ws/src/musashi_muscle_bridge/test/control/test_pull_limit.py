@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Mode, WatchdogAction
 from musashi_muscle_bridge.control.arbiter import Setpoints
-from musashi_muscle_bridge.control.command_limits import CommandLimits
-from musashi_muscle_bridge.control.period import ControlPeriod, command_limits
+from musashi_muscle_bridge.control.command_limits import CommandLimits, command_limits
+from musashi_muscle_bridge.control.period import ControlPeriod
 from musashi_muscle_bridge.control.pull_limit import limited_pull, pulls
 from musashi_muscle_bridge.emulation.boards import Boards
 
