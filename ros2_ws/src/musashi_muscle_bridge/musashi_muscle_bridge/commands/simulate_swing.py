@@ -13,8 +13,9 @@ from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
+from musashi_muscle_bridge.simulation.camera import Camera, Picture
 from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop, Sample
-from musashi_muscle_bridge.simulation.video import Camera, Picture, frames_of, write_video
+from musashi_muscle_bridge.simulation.video import frames_of, write_video
 
 
 def simulated_swing(robot: Robot, method: Method, rate: float) -> tuple[str, list[Sample]]:

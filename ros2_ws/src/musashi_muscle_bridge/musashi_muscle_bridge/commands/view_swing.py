@@ -15,7 +15,8 @@ from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 from musashi_muscle_bridge.commands.simulate_swing import simulated_swing
-from musashi_muscle_bridge.simulation.video import VideoError, frames_of
+from musashi_muscle_bridge.simulation.camera import VideoError
+from musashi_muscle_bridge.simulation.video import frames_of
 
 _PAUSE_SEC = 1.0
 

@@ -9,7 +9,8 @@ from PIL import Image
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.commands.view_swing import require_screen
 from musashi_muscle_bridge.simulation import video as swing_video
-from musashi_muscle_bridge.simulation.video import Camera, VideoError, frames_of, write_video
+from musashi_muscle_bridge.simulation.camera import Camera, VideoError
+from musashi_muscle_bridge.simulation.video import frames_of, write_video
 
 RED, BLUE = (np.full((16, 24, 3), colour, dtype=np.uint8) for colour in ((255, 0, 0), (0, 0, 255)))
 
