@@ -38,7 +38,7 @@ from fastswing_msgs.msg import ErrorCode, LengthCommand, MuscleState
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI, resolve_path
-from test.launch_rehearsal import programs
+from test.system.launch_rehearsal import programs
 
 ROOT = Path(__file__).parents[1]
 with warnings.catch_warnings():

@@ -75,7 +75,7 @@ BESIDES = """## Besides
   tension.
 - **Boards that hold when frames stop** (`watchdog_action` hold_length) keep without current what an
   override had let go. `emergency_stop` takes the current from the others too, as soon as a bridge
-  reaches them: `test/test_safety.py`.
+  reaches them: `test/system/test_safety.py`.
 
 """
 

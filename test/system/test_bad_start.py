@@ -17,7 +17,7 @@ from lifecycle_msgs.srv import ChangeState
 
 from musashi_muscle_bridge.buses.serial_bus import SerialBus
 from musashi_muscle_bridge.buses.udp_bus import UdpBoardPort
-from test.other_arms import TWO_LINK_ARM
+from test.system.other_arms import TWO_LINK_ARM
 
 if TYPE_CHECKING:
     from test.conftest import Suite

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-TWO_LINK_ARM = Path(__file__).parent / "data" / "two_link_arm.yaml"
+TWO_LINK_ARM = Path(__file__).parents[1] / "data" / "two_link_arm.yaml"
 
 _FINGER = """
     <site name="above{i}" pos="0 {y} 0.02"/>

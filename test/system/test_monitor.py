@@ -12,7 +12,7 @@ from lifecycle_msgs.msg import State
 from processes import Process, executable, free_domain, isolated_environment, stop_all
 
 from fastswing_msgs.msg import MuscleState
-from test.pseudo_terminal import PseudoTerminal
+from test.system.pseudo_terminal import PseudoTerminal
 
 if TYPE_CHECKING:
     from test.conftest import Suite

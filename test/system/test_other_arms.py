@@ -8,7 +8,7 @@ from lifecycle_msgs.msg import State
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import LengthCommand, MuscleState
-from test.other_arms import TWO_LINK_ARM, write_hand
+from test.system.other_arms import TWO_LINK_ARM, write_hand
 
 if TYPE_CHECKING:
     from test.conftest import Suite

@@ -18,7 +18,7 @@ from two_hosts import Host, NotPossible, TwoHosts
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, MuscleState
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 pytestmark = pytest.mark.system
 

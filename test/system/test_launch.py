@@ -18,7 +18,7 @@ from std_msgs.msg import Header
 from fastswing_msgs.msg import ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.robot.description import Robot
-from test.launch_rehearsal import LaunchError, Program, programs
+from test.system.launch_rehearsal import LaunchError, Program, programs
 
 if TYPE_CHECKING:
     from test.conftest import Suite
