@@ -9,7 +9,7 @@ import rclpy.lifecycle
 import rclpy.lifecycle.node
 import rclpy.node
 
-SOURCES = Path(__file__).parent.parent / "ros2_ws" / "src"
+SOURCES = Path(__file__).parents[2] / "ros2_ws" / "src"
 NODES = sorted(SOURCES.glob("*/*/*_node.py"))
 BASES = [rclpy.node, rclpy.lifecycle.node]
 

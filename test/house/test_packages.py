@@ -14,7 +14,7 @@ from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
 from catkin_pkg.package import Package, parse_package
 from catkin_pkg.package_version import get_forthcoming_label, rename_section
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "ros2_ws" / "src"
 PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 PYTHON_PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/setup.py"))

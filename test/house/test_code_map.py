@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from ament_index_python.packages import get_packages_with_prefixes
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "ros2_ws" / "src"
 MAP = (ROOT / "docs" / "code_map.md").read_text()
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
