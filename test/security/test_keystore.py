@@ -18,7 +18,7 @@ from keystore import KeystoreError, KeystoreRequest, enclave_path, make_keystore
 from make_keystore import main
 from policy_table import ENCLAVES, NODES
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 NAMESPACES = ("/", "/left")
 DOMAIN = 7

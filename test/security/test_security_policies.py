@@ -43,7 +43,7 @@ from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.client import PlannerClient
 from fastswing_planner.nodes.recorded_topics import TYPES, message_class
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 NAMESPACE = "/left"
 EXECUTABLES = {

@@ -22,7 +22,7 @@ from processes import (
     stop_all,
 )
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 pytestmark = pytest.mark.system
 
