@@ -28,7 +28,7 @@ from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.conversion.definitions import definition_text
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 ROBOT = ROOT / "ros2_ws/src/musashi_muscle_bridge/description/musashi_left_arm.yaml"
 JOINTS = ["S-p", "S-r", "S-y", "E-p", "E-y"]

@@ -31,7 +31,7 @@ from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop
 
 pytestmark = pytest.mark.system
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 DEMO = [sys.executable, "-u", str(ROOT / "demo/run_demo.py"), "--output"]
 METHODS = ["basic", "method_1", "method_2"]
 MASKED = {"basic": [], "method_1": ["#2", "#3", "#9", "#10"], "method_2": ["#9"]}
