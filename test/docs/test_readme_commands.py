@@ -26,7 +26,7 @@ from fastswing_planner.robot.path import MUSASHI
 if TYPE_CHECKING:
     from test.conftest import Suite
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 BEGINNINGS = ("cd", "git", "make", "python", "ros2", "rosdep", "source")

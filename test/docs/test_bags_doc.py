@@ -10,7 +10,7 @@ from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.verdicts.limits_file import parse_limits
 from fastswing_planner.commands.analyse import main
 
-DOCS = Path(__file__).parents[1] / "docs"
+DOCS = Path(__file__).parents[2] / "docs"
 TEXT = (DOCS / "bags.md").read_text()
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from processes import Process, free_domain, isolated_environment, stop_all
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 PACKAGES = ("fastswing_inhibitor", "fastswing_planner", "musashi_muscle_bridge")
 README = (ROOT / "README.md").read_text()
