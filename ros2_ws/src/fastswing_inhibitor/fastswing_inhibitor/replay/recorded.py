@@ -119,6 +119,7 @@ def _check_width(topic: str, field: str, column: Column, count: int) -> None:
 
 
 def statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[Status]:
+    """Read what the inhibitor told of its decisions, its muscles in the order of the model."""
     fields = ["armed", "reason", "threshold", "name", "speed_index", "inhibited"]
     fields += ["direction_from_goal", "decisions", "rejected"]
     topic = _topic(bag, STATUS_TYPE, prefix)

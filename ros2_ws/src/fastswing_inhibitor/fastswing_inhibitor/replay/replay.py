@@ -57,14 +57,14 @@ def replay(
     if what_if.velocity_limit is not None:
         velocity_limit = frozen(np.full(velocity_limit.shape, what_if.velocity_limit))
     joints = joint_states(bag, model, prefix)
-    statuses = list(statuses(bag, model, prefix))
-    plans = list(plans(bag, model, prefix))
+    told = list(statuses(bag, model, prefix))
+    planned = list(plans(bag, model, prefix))
     rule = _Rule(model, velocity_limit, settings or InhibitionSettings(), what_if, joints)
-    swings = [rule.replayed(part, plan_at(plans, part[0].log_ns)) for part in armings(statuses)]
+    swings = [rule.replayed(part, plan_at(planned, part[0].log_ns)) for part in armings(told)]
     return Replay(
         tuple(model.muscle_names),
         tuple(swings),
-        tuple(override_differences(bag, model, statuses, prefix)),
+        tuple(override_differences(bag, model, told, prefix)),
     )
 
 

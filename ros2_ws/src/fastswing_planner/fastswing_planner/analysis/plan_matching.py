@@ -35,6 +35,7 @@ def plan_of(recording: Recording, burst: Burst) -> tuple[RecordedPlan | None, bo
 
 
 def is_no_swing(joints: JointSeries, plan: RecordedPlan, burst: Burst) -> bool:
+    """Whether a motion only raises the arm to the plan's start, or hardly follows the plan."""
     return _raises(joints, plan, burst) or _way(joints, plan, burst) < _LEAST_WAY
 
 

@@ -30,6 +30,7 @@ class TopicDecoder:
         self._hidden = set(wanted or ()) - set(fields or ())
 
     def decode(self, batch: Sequence[Messages]) -> Columns:
+        """Return a batch as columns; raises UndecodableMessage."""
         fields = named(self._topic, self._decoder.decode, batch)
         none = [Messages.none()]
         log_time = np.concatenate([part.log_time_ns for part in batch or none])

@@ -84,6 +84,7 @@ def offered_qos(profile: QoSProfile) -> OfferedQos:
 
 
 def qos_for(name: str) -> QoSProfile:
+    """Return how a topic is listened to: every publisher is heard, and latched ones in time."""
     if name in LATCHED:
         return QoSProfile(
             depth=1,

@@ -8,7 +8,7 @@ from PIL import Image
 
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.commands.view_swing import require_screen
-from musashi_muscle_bridge.simulation import video as swing_video
+from musashi_muscle_bridge.simulation import camera as camera_module
 from musashi_muscle_bridge.simulation.camera import Camera, VideoError
 from musashi_muscle_bridge.simulation.video import frames_of, write_video
 
@@ -32,7 +32,7 @@ def test_a_machine_without_opengl_is_told_what_to_install(
     def missing(name: str) -> None:
         raise ImportError(f"no {name}")
 
-    monkeypatch.setattr(swing_video.importlib, "import_module", missing)
+    monkeypatch.setattr(camera_module.importlib, "import_module", missing)
     monkeypatch.delenv("MUJOCO_GL", raising=False)
     with pytest.raises(VideoError) as caught:
         Camera(musashi)
