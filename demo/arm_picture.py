@@ -19,7 +19,7 @@ from fastswing_planner.execution.measurements import MuscleMeasurement
 from fastswing_planner.execution.settings import Phase
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.arm_view.markers import LINKS, ArmMarkers
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.commands.simulate_swing import simulated_swing
@@ -35,7 +35,7 @@ _INTO_SWING_SEC = 0.35
 def main() -> None:
     """Write the picture into docs/images."""
     mpl.use("Agg")
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     markers = ArmMarkers(robot, lifetime=0.5, slack_tension=1.0)
     moments = (
         ("Basic, swinging", Method.BASIC, middle_of_swing),

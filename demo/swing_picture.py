@@ -19,7 +19,7 @@ from fastswing_planner.analysis.report.swing_drawing import (
     muscle_styles,
 )
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 TITLES = {"basic": "Basic", "method_1": "Method 1", "method_2": "Method 2"}
 _PREPARED = {"method_1": "zero current: ", "method_2": "paid out before: "}
@@ -36,7 +36,7 @@ def draw_swing(bags: Mapping[str, Path], output: Path, robot: Path | None = None
     Raises UnusableBag or RobotDescriptionError.
     """
     swings = read_swings(bags)
-    limits = motor_limits(load_robot(robot or resolve_path(MUSASHI)))
+    limits = motor_limits(load_robot(robot or MUSASHI))
     with mpl.rc_context(_STYLE):
         figure = draw_figure(swings, limits)
         output.parent.mkdir(parents=True, exist_ok=True)

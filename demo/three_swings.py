@@ -32,7 +32,7 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingFigures, SwingOptions
 from fastswing_planner.execution.settings import Phase
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 METHODS = {
     "basic": SwingOptions.METHOD_BASIC,
@@ -223,7 +223,7 @@ def prepare(output: Path) -> None:
 
 def swing_all(output: Path, environment: dict[str, str]) -> dict[str, Any]:
     """Run the nodes and the three swings; return the summary."""
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     summary: dict[str, Any] = {"methods": {}, "paper": PAPER}
     processes: list[Process] = []
     client: Client | None = None

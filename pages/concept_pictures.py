@@ -20,7 +20,7 @@ from fastswing_planner.planning.speed_index import swing_speed_index
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop, Sample
 
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -40,7 +40,7 @@ _RATE_HZ = 1000.0
 def main() -> None:
     """Write the pictures into docs/images."""
     mpl.use("Agg")
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     draw_problem(robot)
     draw_methods(robot)
     draw_way()

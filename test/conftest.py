@@ -37,7 +37,7 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, LengthCommand, MuscleState
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from test.system.launch_rehearsal import programs
 
 ROOT = Path(__file__).parents[1]
@@ -78,7 +78,7 @@ class Suite:
         self.domain = free_domain() if domain is None else domain
         self.namespace = namespace
         self.processes: dict[str, Process] = {}
-        self.robot = load_robot(resolve_path(MUSASHI))
+        self.robot = load_robot(MUSASHI)
         self.muscles: MuscleState | None = None
         self.posture = np.array([])
         self.joint_states = 0

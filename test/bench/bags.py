@@ -27,7 +27,7 @@ from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 QUESTION = "What does a message of a bag cost to read, write, analyse and replay, beside others?"
 READ, WRITTEN, GROWN = "/muscle_state", "/muscle_state", "/joint_states"
@@ -78,7 +78,7 @@ def _reading(bag: Path, rounds: int) -> list[Row]:
 
 
 def _replaying(folder: Path, count: int, rounds: int) -> list[Row]:
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     bag = write_decided_bag(folder / "decided.mcap", robot, count)
 
     def replayed() -> int:

@@ -29,7 +29,7 @@ from rounds import Row
 from fastswing_msgs.msg import CurrentOverride, MuscleState
 from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW
 
 QUESTION = (
@@ -120,7 +120,7 @@ def measure(
 
     Watches come before all others and often, so all else is measured without them.
     """
-    description = load_robot(resolve_path(robot))
+    description = load_robot(robot)
     names = description.model.muscle_names
     domain = free_domain()
     environment = isolated_environment(domain)

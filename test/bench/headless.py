@@ -17,7 +17,7 @@ from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.buses.protocol import Mode, WatchdogAction
 from musashi_muscle_bridge.control.command_limits import command_limits
 from musashi_muscle_bridge.control.period import ControlPeriod
@@ -35,7 +35,7 @@ ALONE = "MuJoCo alone"
 
 def run(scale: float, plots: Path | None = None) -> list[Row]:
     """Measure; 1.0 takes about two minutes."""
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     rounds = max(1, round(10 * scale))
     rows = _swing_rows(robot, rounds)
     grown: dict[str, list[tuple[float, float]]] = {"frames, boards and arm": [], ALONE: []}

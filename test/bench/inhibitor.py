@@ -36,7 +36,7 @@ from rounds import Row
 from fastswing_msgs.msg import ErrorCode
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 QUESTION = "How long from a joint state to its override, beside an echo in C?"
 
@@ -100,7 +100,7 @@ class InhibitorBench:
 
     def __init__(self, folder: Path, description: str, **parameters: object) -> None:
         """Start the inhibitor for a robot."""
-        self.robot: Robot = load_robot(resolve_path(description))
+        self.robot: Robot = load_robot(description)
         domain = free_domain()
         self._environment = isolated_environment(domain)
         self.process = Process(

@@ -21,7 +21,6 @@ from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate, Ra
 from fastswing_planner.conversion.states import JointStateReader
 from fastswing_planner.lifecycle.real_time import keep_what_there_is, tighten_timers
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 
 _LEASE = Duration(nanosec=200_000_000)
 _LONG_SEC = 1e6
@@ -30,7 +29,7 @@ _ROUND_OFF = 1e-9  # [m/s], as the asking arm moves at about 1 rad/s
 
 def main() -> None:
     """Answer until killed."""
-    model = load_robot(resolve_path(sys.argv[1])).model
+    model = load_robot(sys.argv[1]).model
     tighten_timers()
     rclpy.init()
     node = Node("least_inhibitor", enable_rosout=False, start_parameter_services=False)

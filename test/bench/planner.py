@@ -32,7 +32,7 @@ from fastswing_planner.planning.request import Method, Search, SwingRequest
 from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 QUESTION = "What does a plan cost, through the service too, and how does it grow with the arm?"
 PLAIN = "plain planner"
@@ -93,7 +93,7 @@ def plain(robot: Robot, elongate: bool, whole: bool = True) -> Callable[[], obje
 def run(scale: float, plots: Path | None = None) -> list[Row]:
     """Measure; 1.0 takes some minutes."""
     rounds, count = max(2, round(10 * scale)), max(1, round(20 * scale))
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     rows = _library_rows(robot, rounds, count)
     rows += _cold_rows(robot, max(1, round(5 * scale)))
     rows += _service_rows(robot, rounds, max(2, count))

@@ -33,7 +33,7 @@ from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.execution.posture_path import encoder_lengths
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW
 
 QUESTION = (
@@ -206,7 +206,7 @@ def measure(
     try:
         heard = listener.listen(JointState, "joint_states")
         listener.until("joint states", lambda: len(heard) > 0)
-        robot = load_robot(resolve_path(MUSASHI))
+        robot = load_robot(MUSASHI)
         task = TaskCode(listener, robot)
         listener.spin(_SETTLE_SEC)
         task.arm(seconds)

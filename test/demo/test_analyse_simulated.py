@@ -24,7 +24,7 @@ from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop, Sample
 
 RATE = 500.0
@@ -91,7 +91,7 @@ def recording(robot: Robot, plan: SwingPlan, samples: list[Sample]) -> Recording
 
 @pytest.fixture(scope="module")
 def swing_by() -> Callable[[Method], Swing]:
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
 
     def swing(method: Method) -> Swing:

@@ -26,7 +26,7 @@ from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop
 
 pytestmark = pytest.mark.system
@@ -188,7 +188,7 @@ def test_the_measured_speed_is_near_the_papers_robot(finished: Finished, method:
 
 def headless(method: str, delay: float = 0.004) -> SwingFigures:
     """Swing without ROS, at the rates of the nodes."""
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
     start, end = robot.postures["start"], robot.postures["end"]
     loop = ClosedLoop(robot, planner, rate=500.0, executor_rate=100.0, inhibition_delay=delay)

@@ -9,7 +9,7 @@ from followed_page import DOCS, read_page
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 PAGE = read_page("quick_start.md")
 
@@ -27,6 +27,6 @@ def test_the_goal_of_the_page_is_method_1_between_the_robots_postures() -> None:
     made = ExecuteSwing.Goal()
     assert set(fields) <= set(made.get_fields_and_field_types())
     assert fields["options"] == {"method": Method.INHIBIT.value}
-    postures = load_robot(resolve_path(MUSASHI)).postures
+    postures = load_robot(MUSASHI).postures
     assert fields["start_position"] == pytest.approx(postures["start"])
     assert fields["end_position"] == pytest.approx(postures["end"])

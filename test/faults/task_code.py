@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import SwingOptions
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 
 def main(swings: bool) -> None:
@@ -26,7 +26,7 @@ def main(swings: bool) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     if swings:
-        postures = load_robot(resolve_path(MUSASHI)).postures
+        postures = load_robot(MUSASHI).postures
         goal = ExecuteSwing.Goal(
             start_position=postures["start"].tolist(),
             end_position=postures["end"].tolist(),

@@ -25,7 +25,7 @@ from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import MuscleModel
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
 from musashi_muscle_bridge.emulation.boards import Boards
 
@@ -132,7 +132,7 @@ class Learned:
 @pytest.fixture(scope="module", params=[0, 1], ids=["arm 0", "arm 1"])
 def case(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Learned:
     folder = tmp_path_factory.mktemp("arm")
-    plain = load_robot(resolve_path(MUSASHI))
+    plain = load_robot(MUSASHI)
     true = perturbed_robot(plain, folder, request.param)
     postures = record_motion(true, folder / "motion.mcap")
     arguments = [str(folder / "motion.mcap"), "--robot", str(plain.path)]

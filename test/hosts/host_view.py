@@ -25,7 +25,7 @@ from std_srvs.srv import Trigger
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import MuscleState, SwingOptions
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 _PERIOD_SEC = 0.02
 _GRAPH_PERIOD_SEC = 0.25
@@ -39,7 +39,7 @@ class View:
     def __init__(self) -> None:
         """Connect."""
         self.node = Node("view", enable_rosout=False, start_parameter_services=False)
-        self.robot = load_robot(resolve_path(MUSASHI))
+        self.robot = load_robot(MUSASHI)
         self.seen: dict[str, Any] = {"states": 0, "phase": -1, "results": [], "calls": []}
         newest = QoSProfile(depth=1)
         self.node.create_subscription(MuscleState, "muscle_state", self._on_muscles, newest)

@@ -42,11 +42,11 @@ import rclpy
 from rclpy.action import ActionClient
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 rclpy.init()
 node = rclpy.create_node("task")
-robot = load_robot(resolve_path(MUSASHI))
+robot = load_robot(MUSASHI)
 goal = ExecuteSwing.Goal(
     start_position=robot.postures["start"].tolist(),
     end_position=robot.postures["end"].tolist(),

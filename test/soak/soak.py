@@ -30,7 +30,7 @@ from three_swings import Client
 
 from fastswing_msgs.msg import ErrorCode, SwingOptions
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 METHODS = {
     "basic": SwingOptions.METHOD_BASIC,
@@ -165,7 +165,7 @@ class Soak:
 
     def run(self, seconds: float) -> None:
         """Swing every PERIOD_SEC, by each method in turn."""
-        robot = load_robot(resolve_path(MUSASHI))
+        robot = load_robot(MUSASHI)
         count = 0
         while (due := count * PERIOD_SEC) < seconds:
             self._pass_until(due)

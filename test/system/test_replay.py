@@ -28,7 +28,7 @@ from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 if TYPE_CHECKING:
     from test.conftest import Suite
@@ -134,7 +134,7 @@ def play(suite: "Suite") -> Iterator[Callable[..., Player]]:
 def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
     suite: "Suite", play: Callable[..., Player], tmp_path: Path
 ) -> None:
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     states = joint_states(robot)
     bag = new_bag(tmp_path / "states.mcap")
     for time_ns, message in states:
@@ -191,7 +191,7 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
 def test_rate_start_duration_and_loop_are_kept(
     suite: "Suite", play: Callable[..., Player], tmp_path: Path
 ) -> None:
-    robot = load_robot(resolve_path(MUSASHI))
+    robot = load_robot(MUSASHI)
     bag = new_bag(tmp_path / "states.mcap")
     for time_ns, message in joint_states(robot):
         put(bag, "/joint_states", message, time_ns)

@@ -37,7 +37,6 @@ from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_reque
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.planning.task import checked_threshold, posture
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 
 _MORE_RELEASES = 2
 _WATCHES = 5  # in the time after which silence ends a swing
@@ -151,7 +150,7 @@ class InhibitorNode(ManagedNode):
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot."""
-        self._robot = load_robot(resolve_path(parameters["robot_description"]))
+        self._robot = load_robot(parameters["robot_description"])
         self._max_time_limit: float = parameters["max_time_limit"]
         self._lease = _duration(parameters["lease"])
         self._request_max_age: float = parameters["request_max_age"]

@@ -17,7 +17,7 @@ from fastswing_planner.errors import PlannerError
 from fastswing_planner.planning.task import checked_threshold
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.limits import muscle_limits
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 _SETTINGS = InhibitionSettings()
 _ROS_ARGS = "--ros-args"
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _replay(options: argparse.Namespace) -> int:
-    robot = load_robot(resolve_path(options.model or options.robot))
+    robot = load_robot(options.model or options.robot)
     if options.threshold is not None:
         checked_threshold(options.threshold)
     if options.velocity_limit is not None:

@@ -464,12 +464,11 @@ def loaded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Let every description be that of the bent arm; return the names of those loaded."""
     names: list[str] = []
 
-    def load(path: Path) -> Any:
-        names.append(path.name)
+    def load(uri: str) -> Any:
+        names.append(Path(uri).name)
         return SimpleNamespace(model=BentArm(), limits=LIMITS)
 
     monkeypatch.setattr(replay_command, "load_robot", load)
-    monkeypatch.setattr(replay_command, "resolve_path", Path)
     return names
 
 

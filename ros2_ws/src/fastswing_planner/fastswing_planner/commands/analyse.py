@@ -29,6 +29,7 @@ from fastswing_planner.bags.reader import BagError, open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError
 from fastswing_planner.robot.description import load_robot
+from fastswing_planner.robot.path import MUSASHI
 
 _Comparison = tuple[Sequence[Difference], dict[str, bytes]]
 _DEFAULTS = FindingSettings()
@@ -97,15 +98,8 @@ def _group(path: Path) -> list[Path]:
 
 def _limits_of_robot(argument: str | None) -> tuple[MotorLimits, str]:
     """Return the motors' limits, and why they are not known."""
-    # Where ROS is not installed there is no package to find the default robot in.
     try:
-        from fastswing_planner.robot.path import MUSASHI, resolve_path
-    except ImportError as error:
-        if argument is None:
-            return {}, f"speed limits are not known without --robot ({error})"
-        return motor_limits(load_robot(Path(argument))), ""
-    try:
-        return motor_limits(load_robot(resolve_path(argument or MUSASHI))), ""
+        return motor_limits(load_robot(argument or MUSASHI)), ""
     except RobotDescriptionError as error:
         if argument is not None:
             raise

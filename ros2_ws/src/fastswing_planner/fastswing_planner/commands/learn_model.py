@@ -19,7 +19,7 @@ from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.learned_model import mjcf_hash
 from fastswing_planner.robot.length_correction import LengthCorrection, save_correction
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,7 +56,7 @@ def _learn(options: argparse.Namespace) -> None:
             raise InvalidRequest(f"{path} exists and is never overwritten; choose another --output")
     if options.samples < 1:
         raise InvalidRequest(f"--samples is {options.samples}, expected 1 or more")
-    robot = load_robot(resolve_path(options.robot))
+    robot = load_robot(options.robot)
     bag = open_bag(*options.bag)
     samples = muscle_samples(
         bag, robot.model, robot.wire_stiffness, options.samples, options.prefix

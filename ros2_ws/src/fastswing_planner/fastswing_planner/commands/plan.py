@@ -26,7 +26,7 @@ from fastswing_planner.planning.task import requested_limits
 from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import Payload
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 _PICTURES = (".png", ".svg", ".pdf")
 
@@ -52,7 +52,7 @@ def _plan(arguments: argparse.Namespace) -> None:
         raise InvalidRequest(
             f"--plot is '{arguments.plot}': choose a file name that ends in {', '.join(_PICTURES)}"
         )
-    robot = load_robot(resolve_path(arguments.robot))
+    robot = load_robot(arguments.robot)
     request = _request(arguments, robot)
     planner = SwingPlanner(robot.model, robot.limits, solver_from(arguments.solver))
     plan = planner.plan(request, time.monotonic)

@@ -29,7 +29,7 @@ from fastswing_planner.execution.settings import Phase
 from fastswing_planner.planning.request import Method
 from fastswing_planner.planning.task import posture
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 
 _SLICE_SEC = 0.1
 _GONE_SEC = 3.0
@@ -39,7 +39,7 @@ def main() -> int:
     """Run the command; returns 0, 1 if the swing failed, 2 if the request is wrong."""
     arguments = _parser().parse_args()
     try:
-        robot = load_robot(resolve_path(arguments.robot))
+        robot = load_robot(arguments.robot)
         goal = _goal(arguments, robot)
         swing = _Swing(arguments.namespace)
         try:

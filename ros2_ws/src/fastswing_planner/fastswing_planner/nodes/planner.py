@@ -22,7 +22,6 @@ from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.swing import SETTING_RANGES, SwingSettings
 from fastswing_planner.qp.solvers import DEFAULT_SOLVER, SOLVERS, solver_from
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 
 _SETTINGS = SwingSettings()
 
@@ -75,7 +74,7 @@ class PlannerNode(ManagedNode):
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot."""
-        self._robot = load_robot(resolve_path(parameters["robot_description"]))
+        self._robot = load_robot(parameters["robot_description"])
         solver = solver_from(parameters["solver"])
         self._planner = SwingPlanner(self._robot.model, self._robot.limits, solver)
         self.parameters_changed(parameters)

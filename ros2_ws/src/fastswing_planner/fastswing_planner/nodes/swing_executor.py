@@ -37,7 +37,6 @@ from fastswing_planner.nodes.swing_goal import SwingGoal, SwingSurroundings
 from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 
 _DEFAULTS = ExecutionSettings()
 _RESULT_KEPT_SEC = 60
@@ -182,7 +181,7 @@ class ExecutorNode(ManagedNode):
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot, and create the action; it refuses goals until the node is active."""
-        self._robot = load_robot(resolve_path(parameters["robot_description"]))
+        self._robot = load_robot(parameters["robot_description"])
         self._execution_settings = ExecutionSettings(
             **{name: parameters[name] for name in vars(_DEFAULTS)}
         )

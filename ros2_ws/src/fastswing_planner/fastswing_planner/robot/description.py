@@ -15,6 +15,7 @@ from fastswing_planner.robot.learned_model import LearnedMuscleModel, mjcf_hash
 from fastswing_planner.robot.length_correction import load_correction
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel, load_mjcf
+from fastswing_planner.robot.path import resolve_path
 
 _REQUIRED = (
     "mjcf",
@@ -64,8 +65,8 @@ class Robot:
     board_groups: tuple[BoardGroup, ...]
 
 
-def load_robot(path: Path) -> Robot:
-    """Read a robot's YAML file and the MJCF beside it.
+def load_robot(uri: str | Path) -> Robot:
+    """Read a robot's YAML file, a path or `package://PACKAGE/PATH`, and the MJCF beside it.
 
     Four keys are optional: `keyframe`, the MJCF's keyframe that holds the joints left out (without
     it they are at zero), `plant`, `board_groups`, and `learned_muscles`, a file of learn_model that
@@ -73,6 +74,7 @@ def load_robot(path: Path) -> Robot:
 
     Raises RobotDescriptionError naming file, key, value and remedy.
     """
+    path = resolve_path(uri)
     if path.suffix == ".xml" and path.is_file():
         raise RobotDescriptionError(f"{path}: give the YAML file beside this MJCF, not itself")
     try:

@@ -25,7 +25,7 @@ from fastswing_planner.command_line import say
 from fastswing_planner.conversion.states import JointStateReader
 from fastswing_planner.errors import NotReady, PlannerError, StaleState, UnknownName
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.calibration import (
     MuscleReading,
     Pull,
@@ -221,7 +221,7 @@ def main() -> int:
     """Run the command; returns 0 if every muscle asked for is sound, else 1, 2 for wrong input."""
     chosen = _arguments(remove_ros_args(sys.argv)[1:])
     try:
-        robot = load_robot(resolve_path(chosen.robot))
+        robot = load_robot(chosen.robot)
         names = robot.model.muscle_names
         muscles = chosen.muscles or list(names)
         for name in muscles:

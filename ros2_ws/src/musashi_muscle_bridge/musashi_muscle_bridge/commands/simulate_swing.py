@@ -12,7 +12,7 @@ from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import Method, SwingRequest
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.simulation.camera import Camera, Picture
 from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop, Sample
 from musashi_muscle_bridge.simulation.video import frames_of, write_video
@@ -82,7 +82,7 @@ def main() -> int:
     arguments = _arguments()
     methods = [Method[arguments.method.upper()]] if arguments.method else list(Method)
     try:
-        robot = load_robot(resolve_path(arguments.robot))
+        robot = load_robot(arguments.robot)
         camera = Camera(robot) if arguments.video else None
         pictures: list[Picture] = []
         for method in methods:

@@ -13,7 +13,7 @@ from fastswing_planner.errors import PlannerError
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
-from fastswing_planner.robot.path import MUSASHI, resolve_path
+from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.commands.simulate_swing import simulated_swing
 from musashi_muscle_bridge.simulation.camera import VideoError
 from musashi_muscle_bridge.simulation.video import frames_of
@@ -63,7 +63,7 @@ def main() -> int:
     methods = [Method[arguments.method.upper()]] if arguments.method else list(Method)
     try:
         require_screen(os.environ)
-        show(load_robot(resolve_path(arguments.robot)), methods)
+        show(load_robot(arguments.robot), methods)
     except PlannerError as error:
         print(f"view_swing: {error}", file=sys.stderr)
         return 2

@@ -24,7 +24,6 @@ from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.real_time import CoreSleep
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.buses.bus import group_urls
 from musashi_muscle_bridge.buses.protocol import Fault, Mode, WatchdogAction
 from musashi_muscle_bridge.control.command_checks import (
@@ -95,7 +94,7 @@ class BridgeNode(ManagedNode):
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot; nothing is energised."""
-        self._robot = load_robot(resolve_path(parameters["robot_description"]))
+        self._robot = load_robot(parameters["robot_description"])
         self._values = parameters
         self._names = self._robot.model.muscle_names
         self._urls = group_urls(parameters["bus_url"], len(self._robot.board_groups))

@@ -17,7 +17,6 @@ from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.buses.bus import BUS_URL, group_urls, open_all, open_board_port
 from musashi_muscle_bridge.emulation.board_link import BoardLink
 from musashi_muscle_bridge.emulation.board_log import BoardLog
@@ -100,7 +99,7 @@ class MockDriverNode(ManagedNode):
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Build the arm."""
-        robot = load_robot(resolve_path(parameters["robot_description"]))
+        robot = load_robot(parameters["robot_description"])
         self._names = robot.model.muscle_names
         self._log_path: str = parameters["board_log"]
         self._urls = group_urls(parameters["bus_url"], len(robot.board_groups))

@@ -21,7 +21,6 @@ from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.monitor.dashboard import (
     FEEDBACK,
     INHIBITION,
@@ -62,7 +61,7 @@ class MonitorNode(PollingNode):
 
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot, for its tension limits."""
-        robot = load_robot(resolve_path(parameters["robot_description"]))
+        robot = load_robot(parameters["robot_description"])
         limits = zip(robot.model.muscle_names, robot.tension_limit.tolist(), strict=True)
         self._values = parameters
         self._tension_limit = dict(limits)

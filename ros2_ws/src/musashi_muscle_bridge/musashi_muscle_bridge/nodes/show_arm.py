@@ -20,7 +20,6 @@ from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.path import resolve_path
 from musashi_muscle_bridge.arm_view.markers import ArmMarkers
 from musashi_muscle_bridge.nodes.polling import PollingNode, Sample
 
@@ -55,7 +54,7 @@ class ShowArmNode(PollingNode):
                 f"lifetime is {parameters['lifetime']:g} s, expected at least two periods of rate: "
                 f"{2.0 / parameters['rate']:g} s"
             )
-        robot = load_robot(resolve_path(parameters["robot_description"]))
+        robot = load_robot(parameters["robot_description"])
         self._values = parameters
         self._markers = ArmMarkers(robot, parameters["lifetime"], parameters["slack_tension"])
         self._read_joints = JointStateReader(robot.model.joint_names).read
