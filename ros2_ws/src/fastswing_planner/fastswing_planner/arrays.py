@@ -15,10 +15,10 @@ BoolVector = NDArray[np.bool_]
 
 def frozen(values: ArrayLike) -> Vector:
     """Return a read-only float copy of `values`."""
-    return made_frozen(np.array(values, dtype=np.float64))
+    return read_only(np.array(values, dtype=np.float64))
 
 
-def made_frozen(array: Vector) -> Vector:
+def read_only(array: Vector) -> Vector:
     """Return `array` itself, made read-only; for one that was just made and nobody else holds."""
     array.setflags(write=False)
     return array
@@ -26,7 +26,7 @@ def made_frozen(array: Vector) -> Vector:
 
 def constant(value: float) -> Vector:
     """Return a number as a read-only array of shape (): numpy takes it faster than a plain one."""
-    return made_frozen(np.array(value, dtype=np.float64))
+    return read_only(np.array(value, dtype=np.float64))
 
 
 def contiguous(indices: ArrayLike) -> NDArray[np.int_] | slice:

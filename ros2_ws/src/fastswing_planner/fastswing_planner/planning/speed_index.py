@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from fastswing_planner.arrays import Matrix, Vector, made_frozen
+from fastswing_planner.arrays import Matrix, Vector, read_only
 from fastswing_planner.errors import StartEqualsEnd
 from fastswing_planner.robot.muscle_model import SMALLEST_MOMENT_ARM, MuscleModel
 
@@ -21,7 +21,7 @@ def moment_arm(muscle_jacobian: Matrix, direction: Vector) -> Vector:
     norm = math.hypot(*direction.tolist())  # of short vectors a third of numpy's time
     _refuse_zero(norm)
     # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
-    return made_frozen(muscle_jacobian.dot(direction) / norm)
+    return read_only(muscle_jacobian.dot(direction) / norm)
 
 
 def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
@@ -31,7 +31,7 @@ def speed_index(muscle_moment_arm: Vector, velocity_limit: Vector) -> Vector:
     velocity_limit     l_dot^limit [m/s], shape (m,), positive
     """
     # q = r (/) l_dot^limit  (eq. 4 of the paper)
-    return made_frozen(muscle_moment_arm / velocity_limit)
+    return read_only(muscle_moment_arm / velocity_limit)
 
 
 def unit_direction(direction: Sequence[float], norm: float) -> list[float]:

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, made_frozen, unique_known
+from fastswing_planner.arrays import Matrix, Vector, contiguous, frozen, read_only, unique_known
 from fastswing_planner.errors import RobotDescriptionError
 from fastswing_planner.robot.joint_coupling import JointCoupling, refuse_restrained_joints
 from fastswing_planner.robot.mjcf_names import (
@@ -161,7 +161,7 @@ class MujocoMuscleModel:
             arms[self._absent] = 0.0
             arms = arms @ rates
         arms[np.abs(arms) < self._smallest] = 0.0
-        return made_frozen(arms)
+        return read_only(arms)
 
     def lengthening(
         self, joint_position: Sequence[float], joint_velocity: Sequence[float]

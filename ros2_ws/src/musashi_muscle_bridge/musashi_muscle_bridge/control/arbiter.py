@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fastswing_planner.arrays import BoolVector, Vector, frozen, made_frozen
+from fastswing_planner.arrays import BoolVector, Vector, frozen, read_only
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.control.command_checks import check_lease
 from musashi_muscle_bridge.control.command_limits import CommandLimits
@@ -208,7 +208,7 @@ class CommandArbiter:
         in_length = mode == _LENGTH
         np.copyto(value, self._lengths(in_length, length, tension, elapsed), where=in_length)
         mode.setflags(write=False)
-        setpoints = Setpoints(mode, made_frozen(value))
+        setpoints = Setpoints(mode, read_only(value))
         moving = self._streaming or np.count_nonzero(self._engaging | self._restarted) > 0
         self._still = None if moving else (off.tobytes(), setpoints)
         self._at_target = not moving and np.count_nonzero(in_length) == in_length.size

@@ -10,7 +10,7 @@ from fastswing_planner.arrays import (
     Vector,
     constant,
     contiguous,
-    made_frozen,
+    read_only,
     unique_known,
 )
 from fastswing_planner.planning.ramp import ramp_bounds
@@ -107,7 +107,7 @@ class Plant:
     @property
     def joint_velocity(self) -> Vector:
         """Joint speeds [rad/s], shape (n,); without noise."""
-        return made_frozen(self._speed[self._dof].copy())
+        return read_only(self._speed[self._dof].copy())
 
     @property
     def length(self) -> Vector:
@@ -149,7 +149,7 @@ class Plant:
                 # A winch that is driven again begins at the speed that it has.
                 np.copyto(asked, self._asked, where=drive.driven)
             self._asked = asked
-        self._winch_velocity, self._current = made_frozen(velocity), made_frozen(current)
+        self._winch_velocity, self._current = read_only(velocity), read_only(current)
         self._winch = self._winch + velocity * self._dt
         self._steps += 1
         if self._steps % self._steps_per_heat == 0:
@@ -204,9 +204,9 @@ class Plant:
             tension = np.maximum(tension + noise, 0.0)
         if constants.angle_noise:
             position = position + self._random.normal(0.0, constants.angle_noise, position.size)
-        self._measured_length = made_frozen(length)
-        self._measured_tension = made_frozen(tension)
-        self._measured_position = made_frozen(position)
+        self._measured_length = read_only(length)
+        self._measured_tension = read_only(tension)
+        self._measured_position = read_only(position)
 
 
 def arm_mjcf(robot: Robot) -> mujoco.MjModel:
