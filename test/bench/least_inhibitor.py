@@ -39,7 +39,7 @@ def main() -> None:
 
     def answer(data: bytes) -> None:
         state = reader.read(data)
-        speeds = model.lengthening(state.position, state.velocity)
+        speeds = model.muscle_velocity(state.position, state.velocity)
         antagonists = tuple([speed > _ROUND_OFF for speed in speeds])
         if antagonists not in overrides:
             names = list(compress(model.muscle_names, antagonists))

@@ -171,7 +171,7 @@ def test_the_jacobian_is_five_times_nearer(case: Learned) -> None:
 def test_its_muscles_lengthen_as_the_learned_jacobian_says(case: Learned) -> None:
     model, posture, speeds = case.learned.model, case.postures[10], [1.0, -0.5, 2.0, 0.3, -1.0]
     expected = model.jacobian(posture) @ speeds
-    assert model.lengthening(posture.tolist(), speeds) == pytest.approx(expected, abs=1e-12)
+    assert model.muscle_velocity(posture.tolist(), speeds) == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_predicted_time_is_nearer(case: Learned) -> None:

@@ -226,7 +226,7 @@ class Inhibition:
         direction = _difference(self._goal, position) if slow else velocity
         norm = math.hypot(*direction) if slow else speed
         # r = G(theta) theta_dot / |theta_dot|_2  (eq. 3 of the paper)
-        moment_arm = self._model.lengthening(position, unit_direction(direction, norm))
+        moment_arm = self._model.muscle_velocity(position, unit_direction(direction, norm))
         # o[i] = 0 if q[i] > C  (eq. 5 of the paper): where r[i] is above the greatest one that
         # q[i] allows. So q itself is worked out when the override is on its way.
         inhibited = tuple(map(gt, moment_arm, self._greatest_arms))

@@ -43,7 +43,7 @@ class FourMuscles:
     def jacobian(self, joint_position: Vector) -> Matrix:
         return JACOBIAN
 
-    def lengthening(
+    def muscle_velocity(
         self, joint_position: Sequence[float], joint_velocity: Sequence[float]
     ) -> list[float]:
         speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()

@@ -65,7 +65,7 @@ class BentArm:
         a, b = joint_position
         return frozen([[np.cos(a), 0.1], [-0.5, np.sin(b)], [0.3 * b, -np.cos(a + b)]])
 
-    def lengthening(
+    def muscle_velocity(
         self, joint_position: Sequence[float], joint_velocity: Sequence[float]
     ) -> list[float]:
         speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()

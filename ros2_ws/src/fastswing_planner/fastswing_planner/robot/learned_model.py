@@ -15,7 +15,7 @@ from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
 class LearnedMuscleModel(MujocoMuscleModel):
     """Joints, masses and gravity as in the MJCF, muscle lengths with their correction.
 
-    `lengths`, `jacobian` and `lengthening` raise OutOfRange far from the recorded postures.
+    `lengths`, `jacobian` and `muscle_velocity` raise OutOfRange far from the recorded postures.
     """
 
     correction: LengthCorrection | None = None
@@ -41,7 +41,7 @@ class LearnedMuscleModel(MujocoMuscleModel):
             return plain
         return frozen(plain + self.correction.jacobian(joint_position))
 
-    def lengthening(
+    def muscle_velocity(
         self, joint_position: Sequence[float], joint_velocity: Sequence[float]
     ) -> list[float]:
         """Return dl/dt [m/s] of the m muscles."""

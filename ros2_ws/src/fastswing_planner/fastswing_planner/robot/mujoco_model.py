@@ -90,7 +90,7 @@ class MujocoMuscleModel:
         places = sparse_places(model)[self._tendons]
         if not self._coupling.followers:
             places = places[:, self._dofs]
-        # For `lengthening`; struct takes plain numbers quicker than numpy.
+        # For `muscle_velocity`; struct takes plain numbers quicker than numpy.
         moving = self._moving
         moving.qpos[:] = reference
         self._moving_qpos, self._moving_qvel = moving.qpos.data, moving.qvel.data
@@ -163,7 +163,7 @@ class MujocoMuscleModel:
         arms[np.abs(arms) < self._smallest] = 0.0
         return read_only(arms)
 
-    def lengthening(
+    def muscle_velocity(
         self, joint_position: Sequence[float], joint_velocity: Sequence[float]
     ) -> list[float]:
         """Return dl/dt [m/s] of the m muscles."""

@@ -52,7 +52,7 @@ class MuscleModel(Protocol):
     def jacobian(self, joint_position: Vector) -> Matrix:
         """Return G(theta), dl = G dtheta (eq. 2 of the paper) [m/rad], shape (m, n)."""
 
-    def lengthening(
+    def muscle_velocity(
         self, joint_position: Sequence[float], joint_velocity: Sequence[float]
     ) -> list[float]:
         """Return dl/dt = G(theta) dtheta/dt (eq. 2 of the paper) [m/s] of the m muscles.

@@ -107,7 +107,7 @@ def plain_energy(at: Vector) -> float:
 @given(ANGLES, st.tuples(st.floats(-5.0, 5.0), st.floats(-5.0, 5.0)))
 def test_muscles_lengthen_as_the_jacobian_says(at: Vector, speeds: tuple[float, float]) -> None:
     expected = coupled_arm().jacobian(at) @ speeds
-    assert coupled_arm().lengthening(at.tolist(), speeds) == pytest.approx(expected, abs=1e-8)
+    assert coupled_arm().muscle_velocity(at.tolist(), speeds) == pytest.approx(expected, abs=1e-8)
 
 
 @given(ANGLES)

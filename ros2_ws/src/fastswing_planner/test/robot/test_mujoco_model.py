@@ -157,7 +157,7 @@ def test_musashis_jacobian_is_the_slope_of_its_lengths(musashi: Robot, shares: l
 def test_muscles_lengthen_as_the_jacobian_says(angles: list[float], speeds: list[float]) -> None:
     model = cart_model(muscles=("long", "bent", "idle"))
     expected = model.jacobian(np.array(angles)) @ speeds
-    assert model.lengthening(angles, speeds) == pytest.approx(expected, abs=1e-8)
+    assert model.muscle_velocity(angles, speeds) == pytest.approx(expected, abs=1e-8)
 
 
 @given(st.lists(ANGLE, min_size=2, max_size=2), st.lists(SPEED, min_size=2, max_size=2))
@@ -166,7 +166,7 @@ def test_muscles_lengthen_so_too_if_joints_before_the_chosen_are_left_out(
 ) -> None:
     model = cart_model(("hinge", "twist"))
     expected = model.jacobian(np.array(angles)) @ speeds
-    assert model.lengthening(angles, speeds) == pytest.approx(expected, abs=1e-8)
+    assert model.muscle_velocity(angles, speeds) == pytest.approx(expected, abs=1e-8)
 
 
 @given(
@@ -177,13 +177,13 @@ def test_musashis_muscles_lengthen_as_its_jacobian_says(
 ) -> None:
     position = musashi_posture(musashi, shares)
     expected = musashi.model.jacobian(position) @ speeds
-    lengthening = musashi.model.lengthening(position.tolist(), speeds)
-    assert lengthening == pytest.approx(expected, abs=1e-8)
+    muscle_velocity = musashi.model.muscle_velocity(position.tolist(), speeds)
+    assert muscle_velocity == pytest.approx(expected, abs=1e-8)
 
 
 def test_a_muscle_that_does_not_move_has_no_speed_index_at_all() -> None:
     model = cart_model(muscles=("long", "idle"))
-    moment_arm = model.lengthening([0.1, 0.2, 0.3], [0.6, 0.0, -0.8])
+    moment_arm = model.muscle_velocity([0.1, 0.2, 0.3], [0.6, 0.0, -0.8])
     moved, idle = plain_speed_index(moment_arm, [0.1, 0.1])
     assert moved != 0.0
     assert idle == 0.0
@@ -248,7 +248,7 @@ def test_speeds_follow_the_chosen_order(joints: list[str], muscles: list[str]) -
     for names, chosen in ((JOINTS, ("long", "bent", "idle")), (joints, muscles)):
         position, velocity = zip(*(state[name] for name in names), strict=True)
         model = cart_model(tuple(names), tuple(chosen))
-        speeds.append(dict(zip(chosen, model.lengthening(position, velocity), strict=True)))
+        speeds.append(dict(zip(chosen, model.muscle_velocity(position, velocity), strict=True)))
     assert speeds[0] == speeds[1]
 
 
@@ -257,7 +257,7 @@ def test_a_call_leaves_nothing_behind_for_the_next() -> None:
     alone = [model.lengths(first).tolist(), model.gravity_torque(first).tolist()]
     model.jacobian(second)
     model.gravity_torque(second)
-    model.lengthening(second.tolist(), [3.0, -2.0, 1.0])
+    model.muscle_velocity(second.tolist(), [3.0, -2.0, 1.0])
     assert [model.lengths(first).tolist(), model.gravity_torque(first).tolist()] == alone
 
 
