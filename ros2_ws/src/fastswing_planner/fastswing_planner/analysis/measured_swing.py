@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fastswing_planner.analysis.inhibition_intervals import Inhibition
+from fastswing_planner.analysis.inhibition_intervals import InhibitionInterval
 from fastswing_planner.analysis.latency import InhibitionLatency
 from fastswing_planner.analysis.recording import (
     JointSeries,
@@ -81,7 +81,7 @@ class MeasuredSwing:
     muscles: tuple[MuscleFigures, ...]
     joint_series: JointSeries
     muscle_series: MuscleSeries | None
-    inhibited: tuple[Inhibition, ...]
+    inhibited: tuple[InhibitionInterval, ...]
     latency: InhibitionLatency
     rejected: float
     ended: str

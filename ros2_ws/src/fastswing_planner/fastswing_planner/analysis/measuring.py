@@ -13,7 +13,7 @@ from fastswing_planner.analysis.finding import (
     find_bursts,
     swing_command,
 )
-from fastswing_planner.analysis.inhibition_intervals import Inhibition, inhibitions, within
+from fastswing_planner.analysis.inhibition_intervals import InhibitionInterval, inhibitions, within
 from fastswing_planner.analysis.latency import inhibition_latency
 from fastswing_planner.analysis.measured_swing import JointFigures, MeasuredSwing, MuscleFigures
 from fastswing_planner.analysis.plan_matching import is_no_swing, plan_of
@@ -58,7 +58,7 @@ def _measure(
     burst: Burst,
     plan: RecordedPlan | None,
     planned_other: bool,
-    overridden: Sequence[Inhibition],
+    overridden: Sequence[InhibitionInterval],
     tolerance: float,
     after: float,
 ) -> MeasuredSwing:
@@ -76,7 +76,7 @@ def _measure(
     muscle_series = None if muscles is None else _muscles_between(muscles, *shown, start)
     arrival = _arrival(joints, burst, plan, start, tolerance)
     inhibited = tuple(
-        Inhibition(one.start - start, one.end - start, one.muscles)
+        InhibitionInterval(one.start - start, one.end - start, one.muscles)
         for one in within(overridden, *shown)
     )
     notes = _notes(recording, burst, plan, planned_other, command is not None)
@@ -232,7 +232,7 @@ def _joint_figures(
 def _muscle_figures(
     muscles: MuscleSeries | None,
     plan: RecordedPlan | None,
-    inhibited: tuple[Inhibition, ...],
+    inhibited: tuple[InhibitionInterval, ...],
     rest: float,
 ) -> tuple[MuscleFigures, ...]:
     if muscles is None:

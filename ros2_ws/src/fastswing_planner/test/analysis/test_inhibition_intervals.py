@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.analysis.inhibition_intervals import Inhibition, inhibitions, within
+from fastswing_planner.analysis.inhibition_intervals import InhibitionInterval, inhibitions, within
 from fastswing_planner.analysis.recording import OverrideSeries
 
 MUSCLES = st.sampled_from([(), ("#9",), ("#9", "#10")])
@@ -30,7 +30,7 @@ def test_renewed_leases_are_one_interval() -> None:
 
 def test_an_override_of_nothing_ends_the_one_before() -> None:
     assert inhibitions(overrides([(1.0, 0.5, ("#9",)), (1.2, 0.5, ())])) == [
-        Inhibition(1.0, 1.2, ("#9",))
+        InhibitionInterval(1.0, 1.2, ("#9",))
     ]
 
 
@@ -57,6 +57,9 @@ def test_at_every_moment_the_last_override_within_its_lease_holds(
 
 
 def test_intervals_are_cut_at_a_swings_ends() -> None:
-    found = [Inhibition(0.0, 1.0, ("a",)), Inhibition(2.0, 3.0, ("b",))]
-    assert within(found, 0.5, 2.5) == (Inhibition(0.5, 1.0, ("a",)), Inhibition(2.0, 2.5, ("b",)))
+    found = [InhibitionInterval(0.0, 1.0, ("a",)), InhibitionInterval(2.0, 3.0, ("b",))]
+    assert within(found, 0.5, 2.5) == (
+        InhibitionInterval(0.5, 1.0, ("a",)),
+        InhibitionInterval(2.0, 2.5, ("b",)),
+    )
     assert within(found, 1.0, 2.0) == ()

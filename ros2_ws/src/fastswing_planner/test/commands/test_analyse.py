@@ -454,5 +454,5 @@ def test_without_ros_only_the_default_robot_is_missing(bag: Path) -> None:
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0
-    assert "speed limits are not known without --robot" in done.stderr
+    assert "speed limits are not known: package://" in done.stderr
     assert "inhibit" in done.stdout
