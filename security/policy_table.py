@@ -1,8 +1,8 @@
 """What each node may open: the one table that the permissions are made from.
 
 Names are written as in ROS: `joint_states` is in the node's namespace, `/diagnostics` in none,
-`~/get_state` below the node's own name. `test/security/test_security_policies.py` compares the table
-with what the running nodes open, in both directions.
+`~/get_state` below the node's own name. `test/security/test_security_policies.py` compares the
+table with what the running nodes open, in both directions.
 """
 
 from dataclasses import dataclass, replace

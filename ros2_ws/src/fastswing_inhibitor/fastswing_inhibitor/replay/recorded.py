@@ -14,14 +14,8 @@ from fastswing_planner.errors import BagError
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"
-
-
 OVERRIDE_TYPE = "fastswing_msgs/msg/CurrentOverride"
-
-
 PLAN_TYPE = "fastswing_msgs/msg/SwingPlan"
-
-
 JOINT_TYPE = "sensor_msgs/msg/JointState"
 
 

@@ -16,8 +16,6 @@ _LEAST_STEP = 1e-3
 
 STAMP_JITTER_SEC = 0.01
 """Stamps taken on a busy machine may run backwards by so much; farther, a clock jumped."""
-
-
 _HOLE_SHARE = 0.5
 """Share of the rest time; in a longer pause of joint states nobody knows whether the arm rested."""
 

@@ -22,8 +22,6 @@ from fastswing_planner.arrays import Matrix, Vector, frozen
 
 SHOWN_BEFORE_SEC = 0.1
 """Shown of a recording before a swing begins."""
-
-
 SHOWN_AFTER_SEC = 0.3
 """Shown of a recording after the arm came to rest."""
 

@@ -8,8 +8,6 @@ from fastswing_planner.arrays import Vector
 
 _NEAR_PLAN_RAD = 0.3
 """A plan whose start is farther from the arm is another swing's."""
-
-
 _LEAST_WAY = 0.1
 """Share of a plan's way; a motion that went less of it is not that plan's swing."""
 

@@ -51,8 +51,6 @@ from fastswing_planner.errors import (
 )
 
 __all__ = ["Bag", "BagError", "Columns", "TimeBase", "Topic", "open_bag"]
-
-
 _PARSERS = {"ros2msg": parse_ros2msg, "ros2idl": parse_ros2idl}
 _CHUNK = 8192
 _MOST_HELD = 1 << 24

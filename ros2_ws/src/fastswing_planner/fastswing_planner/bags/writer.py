@@ -16,8 +16,6 @@ COMPRESSIONS = {
     "lz4": CompressionType.LZ4,
     "none": CompressionType.NONE,
 }
-
-
 NOTES = "fastswing_recorder"
 """Name of the metadata record in which the recorder says what it lost."""
 

@@ -14,8 +14,6 @@ PRIMITIVE_SIZE = {
     "float64": 8,
 }
 """[bytes] of each type of fixed size; its alignment too."""
-
-
 TEXTS = ("string", "wstring")
 
 

@@ -10,20 +10,10 @@ from fastswing_planner.errors import InvalidRequest
 from fastswing_planner.robot.length_correction import LengthCorrection
 
 _SCALES = (0.5, 1.0, 2.0)  # [rad]
-
-
 _RIDGES = (1e-6, 1e-4, 1e-2)
-
-
 _JITTER = 1e-8
-
-
 _FEWEST = 20
-
-
 _FEWEST_TO_LEARN, _FEWEST_TO_CHECK = 15, 4
-
-
 _RESOLUTION = 0.1  # [rad]
 
 

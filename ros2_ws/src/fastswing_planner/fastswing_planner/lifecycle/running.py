@@ -17,14 +17,8 @@ from fastswing_planner.lifecycle.real_time import tighten_timers
 # Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others
 # take its port for the dead one's and remove it, and no emergency stop arrives any more.
 _TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
-
-
 _OFTEN_SEC = 0.1
-
-
 _SPIN_SLICE_SEC = 3600.0
-
-
 _LAST_WORDS_SEC = 0.2
 
 

@@ -11,8 +11,6 @@ from fastswing_planner.conversion.definitions import UnknownMessageType, split_t
 from fastswing_planner.errors import UnknownName
 
 QUEUE_DEPTH = 1000
-
-
 TYPES = {
     "joint_states": "sensor_msgs/msg/JointState",
     "muscle_state": "fastswing_msgs/msg/MuscleState",
@@ -24,8 +22,6 @@ TYPES = {
     "swing_plan": "fastswing_msgs/msg/SwingPlan",
     "diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
 }
-
-
 LATCHED = frozenset({"swing_plan"})
 
 

@@ -23,11 +23,7 @@ from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 
 HIGH_TENSION = 0.8
 """A plan warns where a muscle holds above this part of its tension_max."""
-
-
 _MOST_UNLIMITED = 16  # antagonists that an exhaustive search takes on without a time limit
-
-
 _FULL_RANK = 1e-6  # of the largest singular value
 
 

@@ -19,8 +19,6 @@ _ARM_UNIT = 0.04  # [m/rad]
 _ACTIVE = 1e-6  # [m/s] from a bound
 _STUCK_STEPS = 10
 _STUCK_PROGRESS = 1e-8  # [rad] over _STUCK_STEPS
-
-
 SETTING_RANGES = {
     "time_step": (1e-3, 1.0, "s"),
     "epsilon": (1e-4, 1.0, "rad"),

@@ -29,17 +29,9 @@ from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 
 _LARGEST_POSITION = 1000.0  # [rad] of a joint without limits
-
-
 _LARGEST_THRESHOLD = 1e6  # [s/rad]
-
-
 _LARGEST_MASS = 1e4  # [kg]
-
-
 _LARGEST_DISTANCE = 100.0  # [m]
-
-
 _WORST_WEIGHT = 1e-6  # smallest eigenvalue of a weight, in parts of its largest
 
 

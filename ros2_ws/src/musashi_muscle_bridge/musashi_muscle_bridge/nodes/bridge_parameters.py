@@ -7,8 +7,6 @@ from fastswing_planner.lifecycle.real_time import prevent_core_sleep
 from musashi_muscle_bridge.buses.bus import BUS_URL
 
 _WATCHDOG_PERIODS = 3
-
-
 TABLE = (
     ROBOT_DESCRIPTION,
     BUS_URL,

@@ -14,8 +14,6 @@ from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.mujoco_model import load_mjcf
 
 Picture = NDArray[np.uint8]
-
-
 _PLATFORMS = ("egl", "osmesa")
 
 

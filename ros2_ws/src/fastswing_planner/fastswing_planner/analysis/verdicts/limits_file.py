@@ -17,15 +17,11 @@ TOPIC_FIGURES = {
     "gaps": ("gaps", ""),
     "dropped": ("dropped messages", ""),
 }
-
-
 NAMED = {
     "joints": ("joint", "rad/s"),
     "muscle_speeds": ("muscle", "m/s"),
     "tensions": ("muscle", "N"),
 }
-
-
 _SECTIONS = ("swings", "each_swing", "methods", "topics")
 
 
