@@ -37,6 +37,7 @@ from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_reque
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.planning.task import checked_threshold, posture
 from fastswing_planner.robot.description import load_robot
+from fastswing_planner.stamps import from_seconds, to_ns, to_seconds
 
 _MORE_RELEASES = 2
 _WATCHES = 5  # in the time after which silence ends a swing
@@ -334,11 +335,11 @@ class InhibitorNode(ManagedNode):
         model = self._robot.model
         check_request_stamp(
             "arming request",
-            request.stamp.sec * 1_000_000_000 + request.stamp.nanosec,
+            to_ns(request.stamp.sec, request.stamp.nanosec),
             self.get_clock().now().nanoseconds,
             self._request_max_age,
         )
-        time_limit = request.time_limit.sec + request.time_limit.nanosec * 1e-9
+        time_limit = to_seconds(request.time_limit.sec, request.time_limit.nanosec)
         if not 0.0 < time_limit <= self._max_time_limit:
             raise InvalidLimit(
                 f"time_limit is {time_limit:g} s, expected more than 0 and at most "
@@ -378,8 +379,8 @@ class InhibitorNode(ManagedNode):
 
 
 def _duration(seconds: float) -> Duration:
-    whole = int(seconds)
-    return Duration(sec=whole, nanosec=round((seconds - whole) * 1e9))
+    sec, nanosec = from_seconds(seconds)
+    return Duration(sec=sec, nanosec=nanosec)
 
 
 def main() -> int:

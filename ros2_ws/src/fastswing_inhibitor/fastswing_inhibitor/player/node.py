@@ -22,6 +22,7 @@ from fastswing_planner.bags.reader import Bag, Topic, open_bag
 from fastswing_planner.cdr.schema import parse_ros2msg
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.errors import NotReady, UnknownName
+from fastswing_planner.stamps import from_ns
 
 STATES = (
     "sensor_msgs/msg/JointState",
@@ -130,7 +131,7 @@ class ReplayNode(Node):
 
     def _publish_clock(self, bag_ns: int) -> None:
         self._next_clock = time.monotonic() + _CLOCK_PERIOD_SEC
-        sec, nanosec = divmod(bag_ns, 1_000_000_000)
+        sec, nanosec = from_ns(bag_ns)
         self._clock_publisher.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
 
 

@@ -29,6 +29,7 @@ from fastswing_planner.analysis.recording import (
 )
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.bags.reader import Bag, BagError, Columns
+from fastswing_planner.stamps import to_seconds
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 MUSCLE_STATE = "fastswing_msgs/msg/MuscleState"
@@ -247,7 +248,7 @@ class _Arm:
         for part in self._parts(topic, "name", "lease.sec", "lease.nanosec"):
             stamps.append(self._stamps(part))
             received.append(self._seconds(part.log_time_ns))
-            leases.append(part["lease.sec"] + part["lease.nanosec"] * 1e-9)
+            leases.append(to_seconds(part["lease.sec"], part["lease.nanosec"]))
             muscles += [tuple(row) for row in part["name"]]
         return OverrideSeries(
             np.concatenate(stamps), np.concatenate(received), np.concatenate(leases), tuple(muscles)

@@ -6,6 +6,8 @@ from typing import Any
 
 import yaml
 
+from fastswing_planner.stamps import from_ns
+
 VERSION = 9
 """Version of rosbag2's metadata in ROS 2 Jazzy."""
 
@@ -69,7 +71,7 @@ class BagSummary:
 
 
 def _seconds(duration_ns: int) -> dict[str, int]:
-    sec, nsec = divmod(duration_ns, 1_000_000_000)
+    sec, nsec = from_ns(duration_ns)
     return {"sec": sec, "nsec": nsec}
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from fastswing_planner.cdr.columns import Column, Columns
 from fastswing_planner.errors import BagError, UndecodableMessage
+from fastswing_planner.stamps import from_ns
 
 FORMATS = ("csv", "parquet")
 
@@ -82,7 +83,7 @@ def _write_csv(columns: Columns, path: Path) -> None:
 
 
 def _seconds(time_ns: int) -> str:
-    sign, (sec, nanosec) = "-" if time_ns < 0 else "", divmod(abs(time_ns), 1_000_000_000)
+    sign, (sec, nanosec) = "-" if time_ns < 0 else "", from_ns(abs(time_ns))
     return f"{sign}{sec}.{nanosec:09d}"
 
 

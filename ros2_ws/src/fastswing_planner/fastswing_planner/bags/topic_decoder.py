@@ -9,6 +9,7 @@ from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.columns import ColumnDecoder, Columns, Times, field_paths
 from fastswing_planner.cdr.schema import Schema
 from fastswing_planner.errors import NoHeader, UndecodableMessage
+from fastswing_planner.stamps import to_ns
 
 TimeBase = Literal["log", "publish", "header"]
 """When a message was recorded, when it was published, or the stamp in its header."""
@@ -48,7 +49,7 @@ class TopicDecoder:
 
     def _header_time(self, fields: Mapping[str, Any]) -> Times:
         seconds = fields[f"{self._stamp}.sec"].astype(np.int64)
-        return np.asarray(seconds * 1_000_000_000 + fields[f"{self._stamp}.nanosec"])
+        return np.asarray(to_ns(seconds, fields[f"{self._stamp}.nanosec"]))
 
 
 def _stamp_path(topic: str, schema: Schema) -> str:

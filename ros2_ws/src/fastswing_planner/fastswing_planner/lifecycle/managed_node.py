@@ -23,6 +23,7 @@ from fastswing_planner.lifecycle.real_time import (
     ask_for_real_time,
     keep_what_there_is,
 )
+from fastswing_planner.stamps import age_sec, from_ns, to_ns
 
 # Nodes draw nothing, and MuJoCo's window library costs a quarter of their start.
 os.environ.setdefault("MUJOCO_GL", "disable")
@@ -269,12 +270,11 @@ class ManagedNode(LifecycleNode):
         The receipt of a message makes one fresh that waited while this process stood still, and
         EventsExecutor of rclpy 7.1 ends the process when a callback asks for the time of receipt.
         """
-        made_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        return (self._now_ns() - made_ns) * 1e-9
+        return age_sec(to_ns(stamp.sec, stamp.nanosec), self._now_ns())
 
     def stamp(self) -> Stamp:
         """Return the time on the node's clock as messages carry it."""
-        sec, nanosec = divmod(self._now_ns(), 1_000_000_000)
+        sec, nanosec = from_ns(self._now_ns())
         return Stamp(sec=sec, nanosec=nanosec)
 
     def _now_ns(self) -> int:

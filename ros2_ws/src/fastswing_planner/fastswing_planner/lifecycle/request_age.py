@@ -2,6 +2,7 @@
 
 from fastswing_planner.errors import StaleRequest
 from fastswing_planner.lifecycle.parameters import Parameter
+from fastswing_planner.stamps import StampFault, age_sec, stamp_fault
 
 REQUEST_MAX_AGE = Parameter(
     "request_max_age",
@@ -21,14 +22,13 @@ def check_request_stamp(what: str, stamp_ns: int, now_ns: int, max_age: float) -
     what     what the request is called in the error
     max_age  [s] largest difference, also into the future: that clock says nothing about the age
     """
-    if stamp_ns == 0:
-        raise StaleRequest(
-            f"the {what}'s stamp is zero: fill in when it was made, late ones are not carried out"
-        )
-    age = (now_ns - stamp_ns) * 1e-9
-    if age > max_age:
-        raise StaleRequest(f"the {what} is {age:.2f} s old, at most {max_age:g} s: send it again")
-    if age < -max_age:
-        raise StaleRequest(
-            f"the {what}'s stamp is {-age:.2f} s in the future: do the computers' clocks agree?"
-        )
+    fault = stamp_fault(stamp_ns, now_ns, max_age, max_ahead=max_age)
+    if fault is None:
+        return
+    age = age_sec(stamp_ns, now_ns)
+    text = {
+        StampFault.ZERO: "'s stamp is zero: fill in when it was made, late ones are not carried out",
+        StampFault.OLD: f" is {age:.2f} s old, at most {max_age:g} s: send it again",
+        StampFault.FUTURE: f"'s stamp is {-age:.2f} s in the future: do the computers' clocks agree?",
+    }
+    raise StaleRequest(f"the {what}{text[fault]}")

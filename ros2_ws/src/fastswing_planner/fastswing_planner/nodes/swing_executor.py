@@ -37,6 +37,7 @@ from fastswing_planner.nodes.swing_goal import SwingGoal, SwingSurroundings
 from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import load_robot
+from fastswing_planner.stamps import to_ns
 
 _DEFAULTS = ExecutionSettings()
 _RESULT_KEPT_SEC = 60
@@ -319,7 +320,7 @@ class ExecutorNode(ManagedNode):
         stamp = handle.request.stamp
         check_request_stamp(
             "goal",
-            stamp.sec * 1_000_000_000 + stamp.nanosec,
+            to_ns(stamp.sec, stamp.nanosec),
             self.get_clock().now().nanoseconds,
             self._request_max_age,
         )

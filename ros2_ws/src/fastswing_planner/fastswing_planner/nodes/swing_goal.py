@@ -39,6 +39,7 @@ from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
+from fastswing_planner.stamps import from_seconds
 
 _LONGEST_SEARCH_SEC = 3600.0
 _CONFIRM_SEC = 1.0
@@ -270,7 +271,7 @@ class SwingGoal:
     def _arm_request(self) -> ArmInhibitor.Request:
         options, plan = self._handle.request.options, self._plan
         assert plan is not None
-        limit = self._around.settings.arming_limit
+        sec, nanosec = from_seconds(self._around.settings.arming_limit)
         return ArmInhibitor.Request(
             stamp=self._around.links.now(),
             joint_name=plan.joint_name,
@@ -278,7 +279,7 @@ class SwingGoal:
             # The plan's own C, not the inhibitor's parameter: it was predicted with this one.
             threshold=options.threshold,
             kept_muscle=options.kept_muscle,
-            time_limit=Duration(sec=int(limit), nanosec=int(limit % 1.0 * 1e9)),
+            time_limit=Duration(sec=sec, nanosec=nanosec),
         )
 
     # The end.

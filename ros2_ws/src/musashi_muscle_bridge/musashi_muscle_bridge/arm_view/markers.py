@@ -11,6 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.execution.measurements import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
+from fastswing_planner.stamps import from_seconds
 from musashi_muscle_bridge.arm_view.muscle_lines import (
     SLACK_COLOUR,
     Colour,
@@ -41,8 +42,8 @@ class ArmMarkers:
         """
         self._robot = robot
         self._shapes = ArmShapes(robot)
-        whole = int(lifetime)
-        self._lifetime = Duration(sec=whole, nanosec=round((lifetime - whole) * 1e9))
+        sec, nanosec = from_seconds(lifetime)
+        self._lifetime = Duration(sec=sec, nanosec=nanosec)
         self._slack_tension = slack_tension
 
     def draw(

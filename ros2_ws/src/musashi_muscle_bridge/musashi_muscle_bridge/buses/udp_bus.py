@@ -9,13 +9,14 @@ import time
 from collections.abc import Hashable
 from urllib.parse import urlsplit
 
+from fastswing_planner.stamps import NS_PER_SEC, to_ns
 from musashi_muscle_bridge.buses.bus import MAX_FRAME, Received
 from musashi_muscle_bridge.errors import BusError, BusTimeout
 
 _Address = tuple[str, int]
 _SO_TIMESTAMPNS = 35
 """Linux's option and control message; Python's socket module does not name it."""
-_LONGEST_AGE_NS = 1_000_000_000
+_LONGEST_AGE_NS = NS_PER_SEC
 _TIMESPEC = struct.Struct("qq")
 _NOTES_SIZE = socket.CMSG_SPACE(_TIMESPEC.size)
 
@@ -143,8 +144,7 @@ def _arrival(notes: list[tuple[int, int, bytes]]) -> float:
     """
     for _, kind, data in notes:
         if kind == _SO_TIMESTAMPNS and len(data) == _TIMESPEC.size:
-            seconds, nanoseconds = _TIMESPEC.unpack(data)
-            age = time.time_ns() - seconds * 1_000_000_000 - nanoseconds
+            age = time.time_ns() - to_ns(*_TIMESPEC.unpack(data))
             # Another age means that the clock was set meanwhile.
             return time.monotonic() - age * 1e-9 if 0 <= age < _LONGEST_AGE_NS else math.nan
     return math.nan

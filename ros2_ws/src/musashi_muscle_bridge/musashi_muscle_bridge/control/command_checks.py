@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.stamps import StampFault, age_sec, stamp_fault
 from musashi_muscle_bridge.errors import CommandRejected
 
 
@@ -68,11 +69,13 @@ def checked_age(stamp_ns: int, now_ns: int, max_age: float, max_ahead: float = 0
 
     Raises CommandRejected for a stamp [ns] that is zero, old or in the future.
     """
-    if stamp_ns == 0:
-        raise CommandRejected("zero_stamp", "the stamp is zero: fill in when the command was made")
-    age = (now_ns - stamp_ns) * 1e-9
-    if age > max_age:
-        raise CommandRejected("old_stamp", f"the stamp is {age:.3f} s old, at most {max_age:g} s")
-    if age < -max_ahead:
-        raise CommandRejected("future_stamp", f"the stamp is {-age:.3f} s in the future")
+    age = age_sec(stamp_ns, now_ns)
+    fault = stamp_fault(stamp_ns, now_ns, max_age, max_ahead)
+    if fault is not None:
+        text = {
+            StampFault.ZERO: "the stamp is zero: fill in when the command was made",
+            StampFault.OLD: f"the stamp is {age:.3f} s old, at most {max_age:g} s",
+            StampFault.FUTURE: f"the stamp is {-age:.3f} s in the future",
+        }
+        raise CommandRejected(fault.value, text[fault])
     return max(age, 0.0)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fastswing_planner.execution.settings import Phase
+from fastswing_planner.stamps import to_seconds
 from musashi_muscle_bridge.buses.protocol import Fault, Mode
 from musashi_muscle_bridge.monitor.topic_pulse import TopicPulse
 
@@ -144,7 +145,7 @@ class Dashboard:
         override = self._newest.get(OVERRIDE)
         if override is None:
             return frozenset()
-        lease = override.lease.sec + override.lease.nanosec * 1e-9
+        lease = to_seconds(override.lease.sec, override.lease.nanosec)
         return frozenset(override.name if self.pulses[OVERRIDE].age(now) <= lease else ())
 
     def emergency(self, now: float) -> bool:
