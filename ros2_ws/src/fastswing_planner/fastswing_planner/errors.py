@@ -132,11 +132,57 @@ class SingularJacobian(PlannerError):
 
 
 class SwingAborted(PlannerError):
-    """A running swing had to stop; `code_name` says why."""
+    """A running swing had to stop, or may not begin; each kind says why."""
 
-    def __init__(self, code_name: str, text: str) -> None:
-        super().__init__(text)
-        self.code_name = code_name  # type: ignore[misc]  # an instance's own code
+
+class SwingNotReady(SwingAborted, NotReady):
+    """A node, an answer or a measurement that a swing needs is missing."""
+
+
+class SwingStateStale(SwingAborted, StaleState):
+    """Measurements stopped while the arm swung, or are too old to begin."""
+
+
+class NotAtStart(SwingAborted):
+    """The arm does not come to the start posture, or does not rest there."""
+
+    code_name = "NOT_AT_START"
+
+
+class PhaseTimeout(SwingAborted):
+    """A phase of the swing lasts longer than its limit."""
+
+    code_name = "PHASE_TIMEOUT"
+
+
+class FaultLatched(SwingAborted):
+    """Muscles have a fault, or the emergency stop is latched."""
+
+    code_name = "FAULT_LATCHED"
+
+
+class Interrupted(SwingAborted):
+    """Somebody else commands the arm."""
+
+    code_name = "INTERRUPTED"
+
+
+class Canceled(SwingAborted):
+    """The client, or the node's end, canceled the swing."""
+
+    code_name = "CANCELED"
+
+
+class Preempted(SwingAborted):
+    """Another goal took the swing's place."""
+
+    code_name = "PREEMPTED"
+
+
+class Busy(SwingAborted):
+    """Another swing runs."""
+
+    code_name = "BUSY"
 
 
 class PlannerUnavailable(NotReady, TimeoutError):

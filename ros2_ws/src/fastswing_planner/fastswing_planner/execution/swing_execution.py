@@ -10,7 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.errors import SwingAborted
+from fastswing_planner.errors import (
+    FaultLatched,
+    Interrupted,
+    NotAtStart,
+    PhaseTimeout,
+    SwingAborted,
+    SwingNotReady,
+    SwingStateStale,
+)
 from fastswing_planner.execution.figures import SwingFigures, SwingMeasurement
 from fastswing_planner.execution.measurements import (
     InhibitionReport,
@@ -65,22 +73,19 @@ def refuse_muscles(muscles: MuscleMeasurement, holds: int, inhibiting: bool = Fa
     inhibiting  some muscles may be at zero current
     """
     if muscles.faulty:
-        raise SwingAborted(
-            "FAULT_LATCHED",
+        raise FaultLatched(
             f"faulty muscles: {', '.join(muscles.faulty)}; find the cause, then clear_faults",
         )
     # Only Method 1 lets muscles go, and never all of them.
     if muscles.limp and not (inhibiting and len(muscles.limp) < muscles.length.size):
-        raise SwingAborted(
-            "FAULT_LATCHED",
+        raise FaultLatched(
             f"muscles at zero current: {', '.join(muscles.limp)}; an emergency stop or "
             "somebody's current_override holds them",
         )
     if muscles.holds != holds:
-        raise SwingAborted("INTERRUPTED", "somebody held the arm, by hold_posture or clear_faults")
+        raise Interrupted("somebody held the arm, by hold_posture or clear_faults")
     if muscles.driven:
-        raise SwingAborted(
-            "INTERRUPTED",
+        raise Interrupted(
             f"muscles that follow somebody's tension or current: {', '.join(muscles.driven)}",
         )
 
@@ -234,33 +239,29 @@ class SwingExecution:
     def _refuse_to_go_on(self, now: float) -> None:
         refuse_muscles(self._muscles, self._holds, self._arm_asked_at < math.inf)
         if self._interruption:
-            raise SwingAborted("INTERRUPTED", self._interruption)
+            raise Interrupted(self._interruption)
         if self._inhibition_lost:
-            raise SwingAborted(
-                "NOT_READY", f"the inhibitor disarmed itself: {self._inhibition_lost}"
-            )
+            raise SwingNotReady(f"the inhibitor disarmed itself: {self._inhibition_lost}")
         age = self.age(now)
         if age > self._settings.state_timeout:
-            raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")
+            raise SwingStateStale(f"the last measurements are {age:.2f} s old")
         if self._last_step is None:
             self._phase_start = now
         elif now - self._last_step > self._settings.state_timeout:
             # Going on would jump to where the arm should be by now.
             stall = now - self._last_step
-            raise SwingAborted("STALE_STATE", f"the executor did not run for {stall:.2f} s")
+            raise SwingStateStale(f"the executor did not run for {stall:.2f} s")
         self._last_step = now
 
     def _refuse_long_phases(self) -> None:
         settings = self._settings
         if self._raise.duration > settings.raise_limit:
-            raise SwingAborted(
-                "PHASE_TIMEOUT",
+            raise PhaseTimeout(
                 f"the way to the start posture would take {self._raise.duration:.1f} s at "
                 f"{settings.raise_speed:g} rad/s, raise_limit is {settings.raise_limit:g} s",
             )
         if self._elongate_time > settings.elongate_limit:
-            raise SwingAborted(
-                "PHASE_TIMEOUT",
+            raise PhaseTimeout(
                 f"paying out would take {self._elongate_time:.1f} s at "
                 f"{settings.elongate_speed:g} m/s, elongate_limit is "
                 f"{settings.elongate_limit:g} s",
@@ -296,9 +297,8 @@ class SwingExecution:
         share = smooth_fraction(elapsed, self._elongate_time)
         return Orders(lengths=frozen(self._raise.lengths[-1] + share * self._change))
 
-    def _not_at_start(self, verb: str) -> SwingAborted:
-        return SwingAborted(
-            "NOT_AT_START",
+    def _not_at_start(self, verb: str) -> NotAtStart:
+        return NotAtStart(
             f"the arm is {self._distance_to_start:.3f} rad from the start posture and must {verb} "
             f"within {self._settings.start_tolerance:g} rad of it",
         )
@@ -310,7 +310,7 @@ class SwingExecution:
             return self._start_swing(now)
         if elapsed > self._settings.settle_limit:
             if ready:
-                raise SwingAborted("NOT_READY", "the inhibitor did not confirm that it is armed")
+                raise SwingNotReady("the inhibitor did not confirm that it is armed")
             raise self._not_at_start("rest")
         if ready and self._arm_asked_at == math.inf:
             self._arm_asked_at = now
@@ -330,8 +330,7 @@ class SwingExecution:
         late = elapsed > self._settings.swing_limit
         self._refuse_silent_inhibitor()
         if late and not self._arrived:
-            raise SwingAborted(
-                "PHASE_TIMEOUT",
+            raise PhaseTimeout(
                 f"the arm did not come within {self._settings.arrival_tolerance:g} rad of the end "
                 f"posture in {self._settings.swing_limit:g} s; it is {self.distance_to_end:.3f} "
                 "rad away",
@@ -347,7 +346,7 @@ class SwingExecution:
         # It decides when a joint state comes, so it may be silent as long as none does.
         silence = self._joints.time - max(self._inhibition_heard, self._phase_start)
         if silence > self._settings.state_timeout:
-            raise SwingAborted("NOT_READY", f"the inhibitor has been silent for {silence:.2f} s")
+            raise SwingNotReady(f"the inhibitor has been silent for {silence:.2f} s")
 
     def _step_recover(self, now: float, elapsed: float) -> Orders:
         if elapsed < self._settings.recover_time:
@@ -355,8 +354,7 @@ class SwingExecution:
         if self._near_end() and self._rest.resting(now):
             self._done = self._over = True
         elif elapsed > self._settings.recover_limit:
-            raise SwingAborted(
-                "PHASE_TIMEOUT",
+            raise PhaseTimeout(
                 f"the arm does not rest within {self._settings.arrival_tolerance:g} rad of the end "
                 f"posture {self._settings.recover_limit:g} s after the swing; it is "
                 f"{self.distance_to_end:.3f} rad away",

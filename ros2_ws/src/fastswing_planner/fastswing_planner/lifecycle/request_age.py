@@ -26,9 +26,10 @@ def check_request_stamp(what: str, stamp_ns: int, now_ns: int, max_age: float) -
     if fault is None:
         return
     age = age_sec(stamp_ns, now_ns)
+    stamp = f"the {what}'s stamp is"
     text = {
-        StampFault.ZERO: "'s stamp is zero: fill in when it was made, late ones are not carried out",
-        StampFault.OLD: f" is {age:.2f} s old, at most {max_age:g} s: send it again",
-        StampFault.FUTURE: f"'s stamp is {-age:.2f} s in the future: do the computers' clocks agree?",
+        StampFault.ZERO: f"{stamp} zero: fill in when it was made, late ones are not carried out",
+        StampFault.OLD: f"the {what} is {age:.2f} s old, at most {max_age:g} s: send it again",
+        StampFault.FUTURE: f"{stamp} {-age:.2f} s in the future: do the computers' clocks agree?",
     }
-    raise StaleRequest(f"the {what}{text[fault]}")
+    raise StaleRequest(text[fault])

@@ -19,7 +19,15 @@ from fastswing_planner.conversion.states import (
     MuscleStateReader,
     RejectionCounter,
 )
-from fastswing_planner.errors import InvalidRequest, PlannerError, SwingAborted
+from fastswing_planner.errors import (
+    Busy,
+    Canceled,
+    InvalidRequest,
+    PlannerError,
+    Preempted,
+    SwingAborted,
+    SwingNotReady,
+)
 from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
@@ -254,7 +262,7 @@ class ExecutorNode(ManagedNode):
             self.destroy_subscription(subscription)
         ended, self._goal, self._next = (self._goal, self._next), None, None
         for goal in filter(None, ended):
-            goal.stop(SwingAborted("CANCELED", "the node was deactivated"), self.monotonic())
+            goal.stop(Canceled("the node was deactivated"), self.monotonic())
             self._write_result(goal)
         self._links.close()
 
@@ -325,17 +333,15 @@ class ExecutorNode(ManagedNode):
             self._request_max_age,
         )
         if not self.is_active:
-            raise SwingAborted("NOT_READY", "the swing executor is not active")
+            raise SwingNotReady("the swing executor is not active")
         if self._goal is not None and not handle.request.preempt:
-            raise SwingAborted(
-                "BUSY", "another swing runs: wait for its result, cancel it, or set preempt"
-            )
+            raise Busy("another swing runs: wait for its result, cancel it, or set preempt")
         goal, now = SwingGoal(handle, self._around), self.monotonic()
         if self._goal is None:
             self._goal = goal
             goal.begin(now)
             return goal
-        preempted = SwingAborted("PREEMPTED", "another goal took its place; the arm was held")
+        preempted = Preempted("another goal took its place; the arm was held")
         if not self._goal.stopping:
             self._goal.stop(preempted, now)
         if self._next is not None:
@@ -359,14 +365,14 @@ class ExecutorNode(ManagedNode):
         except PlannerError as error:
             goal.stop(error, now)
         except Exception:
-            goal.stop(SwingAborted("INTERNAL", "defect in the executor, see its log"), now)
+            goal.stop(SwingAborted("defect in the executor, see its log"), now)
             raise
 
     def _drop_canceled(self) -> None:
         waiting = self._next
         if waiting is not None and waiting.canceled:
             self._next = None
-            waiting.stop(SwingAborted("CANCELED", "canceled before it began"), self.monotonic())
+            waiting.stop(Canceled("canceled before it began"), self.monotonic())
             self._write_result(waiting)
 
     def _finish(self, goal: SwingGoal) -> None:

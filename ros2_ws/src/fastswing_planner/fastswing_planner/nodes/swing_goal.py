@@ -14,13 +14,20 @@ from fastswing_msgs.msg import ErrorCode, SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.conversion.error_codes import error_code, error_name
+from fastswing_planner.conversion.error_codes import error_code, error_from
 from fastswing_planner.conversion.plans import (
     figures_to_message,
     payload_from_options,
     predicted_figures,
 )
-from fastswing_planner.errors import PlannerError, SwingAborted, WrongLength
+from fastswing_planner.errors import (
+    Canceled,
+    PhaseTimeout,
+    PlannerError,
+    SwingNotReady,
+    SwingStateStale,
+    WrongLength,
+)
 from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
@@ -153,7 +160,7 @@ class SwingGoal:
         Raises SwingAborted or another PlannerError if the goal cannot be reached; stop it then.
         """
         if self.canceled:
-            raise SwingAborted("CANCELED", "canceled by the client; the arm holds where it is")
+            raise Canceled("canceled by the client; the arm holds where it is")
         if self._execution is not None:
             self._advance(now, self._execution)
             return self._execution.done
@@ -184,7 +191,7 @@ class SwingGoal:
             self._states_deadline = now + self._around.service_timeout
             return
         if now > self._deadline:
-            raise SwingAborted("NOT_READY", "plan_swing does not answer: is the planner running?")
+            raise SwingNotReady("plan_swing does not answer: is the planner running?")
 
     def _start(
         self,
@@ -199,22 +206,20 @@ class SwingGoal:
         if joints is None or muscles is None:
             if now < self._states_deadline:
                 return None
-            raise SwingAborted(
-                "NOT_READY",
+            raise SwingNotReady(
                 "no joint and muscle states yet: is the bridge active, do its boards answer?",
             )
         age = now - min(joints.time, muscles.time)
         if age > around.settings.state_timeout:
-            raise SwingAborted("STALE_STATE", f"the last measurements are {age:.2f} s old")
+            raise SwingStateStale(f"the last measurements are {age:.2f} s old")
         if method.inhibits and not around.links.arm.service_is_ready():
-            raise SwingAborted("NOT_READY", "arm_inhibitor is missing: is the inhibitor active?")
+            raise SwingNotReady("arm_inhibitor is missing: is the inhibitor active?")
         if self._holds is None:
             return None
         refuse_muscles(muscles, self._holds)
         if not around.rest.resting(now):
             if now > self._deadline:
-                raise SwingAborted(
-                    "PHASE_TIMEOUT",
+                raise PhaseTimeout(
                     f"the arm did not come to rest in {around.settings.settle_limit:g} s: it is "
                     "raised only from rest",
                 )
@@ -372,10 +377,10 @@ def _not_held(muscles: MuscleMeasurement) -> tuple[str, ...]:
 
 
 def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
-    """Return a service's answer; raises SwingAborted with its error."""
+    """Return a service's answer; raises the PlannerError that it tells of."""
     response = call.result()
     if response.error_code != ErrorCode.SUCCESS:
-        raise SwingAborted(error_name(response.error_code), response.error_string)
+        raise error_from(response.error_code, response.error_string)
     return response
 
 
@@ -383,7 +388,7 @@ def _figures_of(plan: SwingPlanMessage) -> SwingFigures:
     try:
         return predicted_figures(plan)
     except WrongLength as error:
-        raise SwingAborted("NOT_READY", f"the planner's answer is no plan: {error}") from error
+        raise SwingNotReady(f"the planner's answer is no plan: {error}") from error
 
 
 def _refuse_foreign_plan(plan: SwingPlanMessage, model: MuscleModel) -> None:
@@ -392,8 +397,7 @@ def _refuse_foreign_plan(plan: SwingPlanMessage, model: MuscleModel) -> None:
         ("muscles", plan.muscle_name, model.muscle_names),
     ):
         if tuple(planned) != own:
-            raise SwingAborted(
-                "NOT_READY",
+            raise SwingNotReady(
                 f"the planner's robot has the {what} {', '.join(planned)}, this one "
                 f"{', '.join(own)}: give both nodes the same robot_description",
             )
