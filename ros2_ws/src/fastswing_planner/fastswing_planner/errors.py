@@ -194,10 +194,8 @@ def one_line(text: str) -> str:
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
-class BagError(PlannerError, OSError):
+class BagError(NotReady, OSError):
     """A bag cannot be written or read; the text names the file and what is wrong with it."""
-
-    code_name = "NOT_READY"
 
     def __str__(self) -> str:
         """Return one line, whatever stands in the bag."""
