@@ -297,7 +297,6 @@ def run(scale: float, plots: Path | None = None) -> list[Row]:
         large = str(write_limbed_arm(folder, muscles=74, joints=33))
         variants: list[tuple[str, str, dict[str, object]]] = [
             ("10 boards", MUSASHI, {}),
-            ("10 boards, ordinary messages", MUSASHI, {"raw_messages": "false"}),
             ("10 boards, tuned", MUSASHI, TUNED),
             ("74 boards", large, {}),
             ("74 boards, tuned", large, TUNED),

@@ -280,7 +280,6 @@ def benches(folder: Path) -> Iterator[dict[str, InhibitorBench]]:
         running["inhibitor, cores sleep"] = InhibitorBench(
             folder, MUSASHI, prevent_core_sleep=False
         )
-        running["inhibitor, raw_messages off"] = InhibitorBench(folder, MUSASHI, raw_messages=False)
         running["inhibitor, tuned"] = InhibitorBench(folder, MUSASHI, **TUNED)
         yield running
     finally:
@@ -335,7 +334,6 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
                     None,
                     "median <= 1.3",
                 ),
-                compared(results, "inhibitor, raw_messages off", "C echo"),
             )
         ]
     return rows

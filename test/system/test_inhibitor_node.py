@@ -90,19 +90,14 @@ def holds(pid: int, file: Path) -> bool:
     return str(file) in [os.readlink(link) for link in links if link.is_symlink()]
 
 
-@pytest.fixture(scope="module", params=[True, False], ids=["raw", "ordinary"])
-def inhibitor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Any:
+@pytest.fixture(scope="module")
+def inhibitor(tmp_path_factory: pytest.TempPathFactory) -> Any:
     from test.conftest import Suite
 
     suite = Suite(tmp_path_factory.mktemp("inhibitor"))
     try:
         # A shared machine stalls for longer than a robot PC may.
-        suite.start(
-            "inhibitor",
-            threshold=THRESHOLD,
-            state_timeout=0.3,
-            raw_messages=request.param,
-        )
+        suite.start("inhibitor", threshold=THRESHOLD, state_timeout=0.3)
         suite.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
         yield Lone(suite)
     finally:

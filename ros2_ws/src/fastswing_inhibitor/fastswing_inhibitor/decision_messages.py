@@ -1,7 +1,7 @@
 """Decisions of the inhibitor to messages.
 
-At rate they are serialised templates (`raw_messages`): one override and one status for each set of
-inhibited muscles.
+At rate they are serialised templates: one override and one status for each set of inhibited
+muscles.
 """
 
 from collections.abc import Sequence

@@ -28,8 +28,8 @@ from fastswing_planner.arrays import unique_known
 from fastswing_planner.conversion.error_codes import error_code
 from fastswing_planner.conversion.raw_messages import RawReader
 from fastswing_planner.conversion.states import JointStateReader, RejectionCounter
-from fastswing_planner.errors import InvalidLimit, InvalidRequest, PlannerError
-from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
+from fastswing_planner.errors import InvalidLimit, PlannerError
+from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import CoreSleep, prevent_core_sleep
@@ -78,7 +78,6 @@ TABLE = (
         0.002,
         0.2,
     ),
-    RAW_MESSAGES,
     prevent_core_sleep(True, "While armed"),
     Parameter(
         "max_time_limit",
@@ -172,7 +171,6 @@ class InhibitorNode(ManagedNode):
         )
         self._reader = JointStateReader(model.joint_names)
         self._raw_states = RawReader(JointState, JointStateReader.NUMBERS)
-        self._raw: bool = parameters["raw_messages"]
         self._core_sleep = CoreSleep(parameters["prevent_core_sleep"])
 
     def activate(self) -> None:
@@ -181,20 +179,16 @@ class InhibitorNode(ManagedNode):
         self._messages = DecisionMessages(
             self._robot.model.muscle_names, self._lease, self._inhibition, self._latency
         )
-        self._at_rate = (
-            RawDecisionMessages(self._messages, self._inhibition, self._latency)
-            if self._raw
-            else self._messages
-        )
+        self._at_rate = RawDecisionMessages(self._messages, self._inhibition, self._latency)
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE)
         self._override = self.create_publisher(CurrentOverride, "current_override", newest)
         self._status = self.create_publisher(InhibitionStatus, "inhibition_status", 10)
         self._subscription = self.create_subscription(
             JointState,
             "joint_states",
-            self.guarded(self._on_raw_joint_state if self._raw else self._on_joint_state),
+            self.guarded(self._on_joint_state),
             qos_profile_sensor_data,
-            raw=self._raw,
+            raw=True,
         )
         self._arm_service = self.create_service(
             ArmInhibitor, "arm_inhibitor", self.guarded(self._on_arm)
@@ -215,20 +209,13 @@ class InhibitorNode(ManagedNode):
         self.destroy_publisher(self._override)
         self.destroy_publisher(self._status)
 
-    def _on_raw_joint_state(self, data: bytes) -> None:
-        try:
-            message = self._raw_states.read(data)
-        except InvalidRequest as error:
-            self._states += 1
-            self._reject(error, self.monotonic())
-            return
-        self._on_joint_state(message)
-
-    def _on_joint_state(self, message: JointState | SimpleNamespace) -> None:
+    def _on_joint_state(self, data: bytes) -> None:
         now = self.monotonic()
         self._states += 1
-        inhibition, header = self._inhibition, message.header
+        inhibition = self._inhibition
         try:
+            message = self._raw_states.read(data)
+            header = message.header
             position, velocity = self._reader.numbers(message)
             made = now - max(self.age(header.stamp), 0.0)
             if not inhibition.armed:

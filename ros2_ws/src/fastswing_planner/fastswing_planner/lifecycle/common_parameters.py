@@ -16,11 +16,5 @@ ROBOT_DESCRIPTION = Parameter(
     "YAML file of the robot, beside its MJCF; a path or package://PACKAGE/PATH. The same for all "
     "nodes of an arm, or plans and limits are another arm's.",
 )
-RAW_MESSAGES = Parameter(
-    "raw_messages",
-    True,
-    "Read and write messages at rate in their serialised form, so that states and overrides come "
-    "sooner; false: the ordinary, slower way, with the same content.",
-)
 EVERY_NODE = (AUTOSTART, *REAL_TIME)
 """Parameters that every node has."""

@@ -35,7 +35,7 @@ from fastswing_planner.execution.measurements import (
 )
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.settings import ExecutionSettings
-from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
+from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
@@ -59,7 +59,6 @@ def _setting(name: str, unit: str, low: float, high: float, description: str) ->
 TABLE = (
     ROBOT_DESCRIPTION,
     REQUEST_MAX_AGE,
-    RAW_MESSAGES,
     Parameter(
         "rate",
         100.0,
@@ -199,7 +198,6 @@ class ExecutorNode(ManagedNode):
         self._period = 1.0 / parameters["rate"]
         self._joint_reader = JointStateReader(self._robot.model.joint_names)
         self._muscle_reader = MuscleStateReader(self._robot.model.muscle_names)
-        self._raw: bool = parameters["raw_messages"]
         self._raw_joints = RawReader(JointState, JointStateReader.NUMBERS)
         self._raw_muscles = RawReader(MuscleState, MuscleStateReader.NUMBERS)
         self._joints: JointMeasurement | None = None
@@ -237,14 +235,14 @@ class ExecutorNode(ManagedNode):
                 "joint_states",
                 self.guarded(self._on_joints),
                 qos_profile_sensor_data,
-                raw=self._raw,
+                raw=True,
             ),
             self.create_subscription(
                 MuscleState,
                 "muscle_state",
                 self.guarded(self._on_muscles),
                 qos_profile_sensor_data,
-                raw=self._raw,
+                raw=True,
             ),
             self.create_subscription(
                 InhibitionStatus, "inhibition_status", self.guarded(self._on_inhibition), 10
@@ -270,7 +268,7 @@ class ExecutorNode(ManagedNode):
 
     def _on_joints(self, received: JointState | bytes) -> None:
         try:
-            message = self._raw_joints.read(received) if self._raw else received
+            message = self._raw_joints.read(received)
             self._joints = self._joint_reader.read(message, self._made(message))
         except InvalidRequest as error:
             self._rejected.count(error)
@@ -281,7 +279,7 @@ class ExecutorNode(ManagedNode):
 
     def _on_muscles(self, received: MuscleState | bytes) -> None:
         try:
-            message = self._raw_muscles.read(received) if self._raw else received
+            message = self._raw_muscles.read(received)
             self._muscles = self._muscle_reader.read(message, self._made(message))
         except InvalidRequest as error:
             self._rejected.count(error)

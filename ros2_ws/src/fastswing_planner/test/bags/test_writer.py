@@ -291,7 +291,7 @@ KILLED_WRITER = """
 import sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[2])
-from test_bag_writer import write_bag
+from test_writer import write_bag
 bag = write_bag(Path(sys.argv[1]), 100)
 bag.flush()
 bag.write("/joint_states", b"lost", 1, 1)
@@ -302,7 +302,7 @@ time.sleep(60)
 
 def test_a_killed_writer_loses_at_most_its_last_chunk(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
-    command = [sys.executable, "-c", KILLED_WRITER, str(path), str(Path(__file__).parents[1])]
+    command = [sys.executable, "-c", KILLED_WRITER, str(path), str(Path(__file__).parent)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "written\n"

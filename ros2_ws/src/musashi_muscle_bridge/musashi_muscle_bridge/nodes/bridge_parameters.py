@@ -1,7 +1,7 @@
 """The bridge's parameters."""
 
 from fastswing_planner.errors import InvalidLimit
-from fastswing_planner.lifecycle.common_parameters import RAW_MESSAGES, ROBOT_DESCRIPTION
+from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import prevent_core_sleep
 from musashi_muscle_bridge.buses.bus import BUS_URL
@@ -85,7 +85,6 @@ TABLE = (
         0.0,
         1.0,
     ),
-    RAW_MESSAGES,
     prevent_core_sleep(False, "While active"),
 )
 

@@ -1,30 +1,20 @@
-"""What the boards measured as messages, serialised in place or by the middleware."""
+"""What the boards measured, as serialised messages."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.conversion.raw_messages import MessageTemplate
+from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
+from fastswing_planner.stamps import Stamp
 from musashi_muscle_bridge.buses.protocol import Fault
 from musashi_muscle_bridge.control.loop import Measurement
 
-_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 _MUSCLE_VALUES = ("length", "velocity", "tension", "current", "temperature", "mode")
 _JOINT_VALUES = ("position", "velocity")
 _FAULT_BUS = np.uint8(Fault.BUS)
-
-
-class Stamp(NamedTuple):
-    """A time of ROS."""
-
-    sec: int
-    nanosec: int
 
 
 def reported_faults(measured: Measurement) -> NDArray[np.uint8]:
@@ -35,41 +25,11 @@ def reported_faults(measured: Measurement) -> NDArray[np.uint8]:
     return np.where(measured.lost & (fault == Fault.NONE), _FAULT_BUS, fault)
 
 
-class OrdinaryStates:
-    """Builds message objects, which the middleware serialises."""
-
-    def __init__(self, muscle_names: Sequence[str], joint_names: Sequence[str]) -> None:
-        """Name m muscles and n joints."""
-        self._muscle_names = muscle_names
-        self._joint_names = joint_names
-
-    def muscle_state(self, stamp: Stamp, measured: Measurement, holds: int) -> MuscleState | bytes:
-        """Return what to publish of the muscles; `holds` as in the message."""
-        rows = measured.state.rows
-        return MuscleState(
-            header=_header(stamp),
-            name=self._muscle_names,
-            fault=reported_faults(measured).tolist(),
-            holds=holds,
-            **{field: rows[field].tolist() for field in _MUSCLE_VALUES},
-        )
-
-    def joint_state(self, stamp: Stamp, measured: Measurement) -> JointState | bytes:
-        """Return what to publish of the joints."""
-        joints = measured.state.joints
-        return JointState(
-            header=_header(stamp),
-            name=self._joint_names,
-            **{field: joints[field].tolist() for field in _JOINT_VALUES},
-        )
-
-
-class RawStates(OrdinaryStates):
+class StateMessages:
     """Writes the numbers into messages that were serialised once; the same bytes, sooner."""
 
     def __init__(self, muscle_names: Sequence[str], joint_names: Sequence[str]) -> None:
         """Name m muscles and n joints."""
-        super().__init__(muscle_names, joint_names)
         muscles, joints = len(muscle_names), len(joint_names)
         muscle_state = MuscleState(
             name=muscle_names,
@@ -80,24 +40,20 @@ class RawStates(OrdinaryStates):
         joint_state = JointState(
             name=joint_names, **{field: [0.0] * joints for field in _JOINT_VALUES}
         )
-        fields = (*_STAMP, "fault", "holds", *_MUSCLE_VALUES)
+        fields = (*STAMP, "fault", "holds", *_MUSCLE_VALUES)
         self._muscle_state = MessageTemplate(muscle_state, fields)
-        self._joint_state = MessageTemplate(joint_state, (*_STAMP, *_JOINT_VALUES))
+        self._joint_state = MessageTemplate(joint_state, (*STAMP, *_JOINT_VALUES))
 
     # A board may send a signalling NaN, of which numpy would warn; it is published as a quiet one.
     @np.errstate(invalid="ignore")
-    def muscle_state(self, stamp: Stamp, measured: Measurement, holds: int) -> MuscleState | bytes:
-        """Return the serialised message."""
+    def muscle_state(self, stamp: Stamp, measured: Measurement, holds: int) -> bytes:
+        """Return the serialised `fastswing_msgs/MuscleState`; `holds` as in the message."""
         rows = measured.state.rows
         values = [rows[field] for field in _MUSCLE_VALUES]
         return self._muscle_state.filled(*stamp, reported_faults(measured), holds, *values)
 
     @np.errstate(invalid="ignore")
-    def joint_state(self, stamp: Stamp, measured: Measurement) -> JointState | bytes:
-        """Return the serialised message."""
+    def joint_state(self, stamp: Stamp, measured: Measurement) -> bytes:
+        """Return the serialised `sensor_msgs/JointState`."""
         joints = measured.state.joints
         return self._joint_state.filled(*stamp, *(joints[field] for field in _JOINT_VALUES))
-
-
-def _header(stamp: Stamp) -> Header:
-    return Header(stamp=Time(sec=stamp.sec, nanosec=stamp.nanosec))

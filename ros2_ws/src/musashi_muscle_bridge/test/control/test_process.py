@@ -231,7 +231,7 @@ import sys, time
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from fastswing_planner.robot.description import load_robot
-from test_control_process import Node
+from test_process import Node
 node = Node(load_robot(Path(sys.argv[2])), sys.argv[3])
 node.until(lambda: len(node.measured) >= 5)
 print(node.process.pid, flush=True)
@@ -247,8 +247,8 @@ def boards_of_musashi(musashi: Robot) -> Iterator[FarEnd]:
 
 
 def test_when_the_node_is_killed_its_control_process_ends(boards_of_musashi: FarEnd) -> None:
-    here = Path(__file__).parents[1]
-    robot = here.parent / "description/musashi_left_arm.yaml"
+    here = Path(__file__).parent
+    robot = here.parents[1] / "description/musashi_left_arm.yaml"
     command = [sys.executable, "-c", NODE, str(here), str(robot), boards_of_musashi.url]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None

@@ -4,22 +4,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from fastswing_msgs.msg import MuscleState
+from fastswing_planner.stamps import Stamp
 from musashi_muscle_bridge.buses.protocol import JOINT_ROW, STATE_ROW, Fault, StateFrame
 from musashi_muscle_bridge.control.loop import Measurement
 from musashi_muscle_bridge.nodes.state_messages import (
-    OrdinaryStates,
-    RawStates,
-    Stamp,
+    StateMessages,
     reported_faults,
 )
 
+MUSCLE_VALUES = ("length", "velocity", "tension", "current", "temperature", "mode")
 MUSCLES, JOINTS = ("#1", "biceps", "Trizeps größer"), ("S-p", "E-p")
 
 stamps = st.builds(Stamp, st.integers(0, 2**31 - 1), st.integers(0, 999_999_999))
@@ -40,6 +42,10 @@ measurements = st.builds(
 )
 
 
+def header(stamp: Stamp) -> Header:
+    return Header(stamp=Time(sec=stamp.sec, nanosec=stamp.nanosec))
+
+
 def content(message: Any) -> dict[str, Any]:
     """Return all fields, numbers as bytes: a NaN is as good as the same NaN."""
     found: dict[str, Any] = {}
@@ -56,15 +62,28 @@ def content(message: Any) -> dict[str, Any]:
 def test_a_raw_muscle_state_is_the_ordinary_one(
     measured: Measurement, stamp: Stamp, holds: int
 ) -> None:
-    data = RawStates(MUSCLES, JOINTS).muscle_state(stamp, measured, holds)
-    ordinary = OrdinaryStates(MUSCLES, JOINTS).muscle_state(stamp, measured, holds)
+    data = StateMessages(MUSCLES, JOINTS).muscle_state(stamp, measured, holds)
+    rows = measured.state.rows
+    ordinary = MuscleState(
+        header=header(stamp),
+        name=MUSCLES,
+        fault=reported_faults(measured).tolist(),
+        holds=holds,
+        **{field: rows[field].tolist() for field in MUSCLE_VALUES},
+    )
     assert content(deserialize_message(data, MuscleState)) == content(ordinary)
 
 
 @given(measurements, stamps)
 def test_a_raw_joint_state_is_the_ordinary_one(measured: Measurement, stamp: Stamp) -> None:
-    data = RawStates(MUSCLES, JOINTS).joint_state(stamp, measured)
-    ordinary = OrdinaryStates(MUSCLES, JOINTS).joint_state(stamp, measured)
+    data = StateMessages(MUSCLES, JOINTS).joint_state(stamp, measured)
+    joints = measured.state.joints
+    ordinary = JointState(
+        header=header(stamp),
+        name=JOINTS,
+        position=joints["position"].tolist(),
+        velocity=joints["velocity"].tolist(),
+    )
     assert content(deserialize_message(data, JointState)) == content(ordinary)
 
 
@@ -72,9 +91,9 @@ def test_a_raw_joint_state_is_the_ordinary_one(measured: Measurement, stamp: Sta
 def test_a_raw_state_does_not_remember_the_one_before(
     before: Measurement, measured: Measurement, stamp: Stamp, holds: int
 ) -> None:
-    states = RawStates(MUSCLES, JOINTS)
+    states = StateMessages(MUSCLES, JOINTS)
     states.muscle_state(stamp, before, 0)
-    fresh = RawStates(MUSCLES, JOINTS)
+    fresh = StateMessages(MUSCLES, JOINTS)
     assert states.muscle_state(stamp, measured, holds) == fresh.muscle_state(stamp, measured, holds)
 
 
