@@ -25,6 +25,7 @@ from fastswing_inhibitor.latency_histogram import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.arrays import unique_known
+from fastswing_planner.cdr.stamps import from_seconds, to_ns, to_seconds
 from fastswing_planner.conversion.error_codes import error_code
 from fastswing_planner.conversion.raw_messages import RawReader
 from fastswing_planner.conversion.states import JointStateReader, RejectionCounter
@@ -37,7 +38,6 @@ from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_reque
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.planning.task import checked_threshold, posture
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.stamps import from_seconds, to_ns, to_seconds
 
 _MORE_RELEASES = 2
 _WATCHES = 5  # in the time after which silence ends a swing

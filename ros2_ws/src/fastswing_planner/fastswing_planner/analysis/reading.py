@@ -29,7 +29,7 @@ from fastswing_planner.analysis.recording import (
 )
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.bags.reader import Bag, BagError, Columns
-from fastswing_planner.stamps import to_seconds
+from fastswing_planner.cdr.stamps import to_seconds
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 MUSCLE_STATE = "fastswing_msgs/msg/MuscleState"

@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from fastswing_planner.stamps import from_ns
+from fastswing_planner.cdr.stamps import from_ns
 
 VERSION = 9
 """Version of rosbag2's metadata in ROS 2 Jazzy."""

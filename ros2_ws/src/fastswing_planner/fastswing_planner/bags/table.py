@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fastswing_planner.cdr.columns import Column, Columns
+from fastswing_planner.cdr.stamps import from_ns
 from fastswing_planner.errors import BagError, UndecodableMessage
-from fastswing_planner.stamps import from_ns
 
 FORMATS = ("csv", "parquet")
 

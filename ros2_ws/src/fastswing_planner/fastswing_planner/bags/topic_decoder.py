@@ -8,8 +8,8 @@ import numpy as np
 from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.columns import ColumnDecoder, Columns, Times, field_paths
 from fastswing_planner.cdr.schema import Schema
+from fastswing_planner.cdr.stamps import to_ns
 from fastswing_planner.errors import NoHeader, UndecodableMessage
-from fastswing_planner.stamps import to_ns
 
 TimeBase = Literal["log", "publish", "header"]
 """When a message was recorded, when it was published, or the stamp in its header."""

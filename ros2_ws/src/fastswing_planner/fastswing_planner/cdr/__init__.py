@@ -1,1 +1,1 @@
-"""ROS's message definitions, and serialised messages as numpy columns."""
+"""ROS's messages without ROS: definitions, stamps, and serialised ones as numpy columns."""

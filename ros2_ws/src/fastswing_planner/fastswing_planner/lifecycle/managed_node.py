@@ -16,6 +16,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.parameter import Parameter as RosParameter
 
+from fastswing_planner.cdr.stamps import age_sec, from_ns, to_ns
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.lifecycle.common_parameters import AUTOSTART, EVERY_NODE
 from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter, check_all
@@ -23,7 +24,6 @@ from fastswing_planner.lifecycle.real_time import (
     ask_for_real_time,
     keep_what_there_is,
 )
-from fastswing_planner.stamps import age_sec, from_ns, to_ns
 
 # Nodes draw nothing, and MuJoCo's window library costs a quarter of their start.
 os.environ.setdefault("MUJOCO_GL", "disable")

@@ -1,8 +1,8 @@
 """Requests that come too late: what they asked for may no longer be wanted."""
 
+from fastswing_planner.cdr.stamps import StampFault, age_sec, stamp_fault
 from fastswing_planner.errors import StaleRequest
 from fastswing_planner.lifecycle.parameters import Parameter
-from fastswing_planner.stamps import StampFault, age_sec, stamp_fault
 
 REQUEST_MAX_AGE = Parameter(
     "request_max_age",

@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import InhibitionStatus, LengthCommand, MuscleState
+from fastswing_planner.cdr.stamps import to_ns
 from fastswing_planner.conversion.error_codes import error_code
 from fastswing_planner.conversion.raw_messages import RawReader
 from fastswing_planner.conversion.states import (
@@ -45,7 +46,6 @@ from fastswing_planner.nodes.swing_goal import SwingGoal, SwingSurroundings
 from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.stamps import to_ns
 
 _DEFAULTS = ExecutionSettings()
 _RESULT_KEPT_SEC = 60

@@ -14,6 +14,7 @@ from fastswing_msgs.msg import ErrorCode, SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.cdr.stamps import from_seconds
 from fastswing_planner.conversion.error_codes import error_code, error_from
 from fastswing_planner.conversion.plans import (
     figures_to_message,
@@ -46,7 +47,6 @@ from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
-from fastswing_planner.stamps import from_seconds
 
 _LONGEST_SEARCH_SEC = 3600.0
 _CONFIRM_SEC = 1.0

@@ -9,9 +9,9 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from fastswing_planner.arrays import Matrix, Vector
+from fastswing_planner.cdr.stamps import from_seconds
 from fastswing_planner.execution.measurements import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
-from fastswing_planner.stamps import from_seconds
 from musashi_muscle_bridge.arm_view.muscle_lines import (
     SLACK_COLOUR,
     Colour,

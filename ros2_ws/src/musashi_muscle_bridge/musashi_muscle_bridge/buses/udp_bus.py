@@ -9,7 +9,7 @@ import time
 from collections.abc import Hashable
 from urllib.parse import urlsplit
 
-from fastswing_planner.stamps import NS_PER_SEC, to_ns
+from fastswing_planner.cdr.stamps import NS_PER_SEC, to_ns
 from musashi_muscle_bridge.buses.bus import MAX_FRAME, Received
 from musashi_muscle_bridge.errors import BusError, BusTimeout
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fastswing_planner.arrays import Vector, frozen
-from fastswing_planner.stamps import StampFault, age_sec, stamp_fault
+from fastswing_planner.cdr.stamps import StampFault, age_sec, stamp_fault
 from musashi_muscle_bridge.errors import CommandRejected
 
 

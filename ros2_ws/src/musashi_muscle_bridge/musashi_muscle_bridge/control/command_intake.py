@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from fastswing_planner.stamps import to_ns, to_seconds
+from fastswing_planner.cdr.stamps import to_ns, to_seconds
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.control.command_checks import (
     check_lease,

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fastswing_planner.cdr.stamps import to_seconds
 from fastswing_planner.execution.settings import Phase
-from fastswing_planner.stamps import to_seconds
 from musashi_muscle_bridge.buses.protocol import Fault, Mode
 from musashi_muscle_bridge.monitor.topic_pulse import TopicPulse
 

@@ -18,11 +18,11 @@ from fastswing_msgs.msg import (
     MuscleState,
     TensionCommand,
 )
+from fastswing_planner.cdr.stamps import Stamp, from_ns
 from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.real_time import CoreSleep
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.stamps import Stamp, from_ns
 from musashi_muscle_bridge.buses.bus import group_urls
 from musashi_muscle_bridge.buses.protocol import WatchdogAction
 from musashi_muscle_bridge.control.command_intake import (

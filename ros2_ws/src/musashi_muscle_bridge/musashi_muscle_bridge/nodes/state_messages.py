@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
+from fastswing_planner.cdr.stamps import Stamp
 from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
-from fastswing_planner.stamps import Stamp
 from musashi_muscle_bridge.buses.protocol import Fault
 from musashi_muscle_bridge.control.loop import Measurement
 

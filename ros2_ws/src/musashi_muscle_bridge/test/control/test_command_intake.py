@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.stamps import from_ns, from_seconds
+from fastswing_planner.cdr.stamps import from_ns, from_seconds
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.control.command_intake import (
     COMMAND_TOPICS,

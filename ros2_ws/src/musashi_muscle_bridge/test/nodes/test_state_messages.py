@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_msgs.msg import MuscleState
-from fastswing_planner.stamps import Stamp
+from fastswing_planner.cdr.stamps import Stamp
 from musashi_muscle_bridge.buses.protocol import JOINT_ROW, STATE_ROW, Fault, StateFrame
 from musashi_muscle_bridge.control.loop import Measurement
 from musashi_muscle_bridge.nodes.state_messages import (

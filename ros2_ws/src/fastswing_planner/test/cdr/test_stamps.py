@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.stamps import (
+from fastswing_planner.cdr.stamps import (
     NS_PER_SEC,
     StampFault,
     age_sec,
