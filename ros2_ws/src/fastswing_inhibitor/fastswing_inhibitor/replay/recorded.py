@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import compress
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +12,8 @@ from fastswing_inhibitor.replay.result import Told
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.bags.reader import Bag
 from fastswing_planner.cdr.columns import Column
-from fastswing_planner.errors import BagError
+from fastswing_planner.cdr.plan_fields import PlanFields
+from fastswing_planner.errors import BagError, WrongLength
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"
@@ -154,19 +157,20 @@ def plans(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[Plan]:
     for topic in bag.topics_of_type(PLAN_TYPE):
         if topic.startswith(prefix):
             for log_ns, plan in bag.messages(topic):
-                order = _order("joints", plan.joint_name, model.joint_names)
-                if len(plan.end_position) != len(plan.joint_name):
-                    raise UnusableForReplay(
-                        f"end_position of {topic} has not one value for each joint"
-                    )
-                kept = {
-                    name for name, flag in zip(plan.muscle_name, plan.mask, strict=False) if flag
-                }
-                yield Plan(
-                    log_ns,
-                    frozen([plan.end_position[index] for index in order]),
-                    np.array([name in kept for name in model.muscle_names]),
-                )
+                yield _plan(topic, log_ns, plan, model)
+
+
+def _plan(topic: str, log_ns: int, message: Any, model: MuscleModel) -> Plan:
+    fields = PlanFields(message)
+    order = _order("joints", fields.joint_names, model.joint_names)
+    try:
+        goal, mask = fields.vector("end_position"), fields.flags("mask")
+    except WrongLength as error:
+        raise UnusableForReplay(f"a plan of {topic} does not fit: {error}") from error
+    kept = set(compress(fields.muscle_names, mask))
+    return Plan(
+        log_ns, frozen(goal[order]), np.array([name in kept for name in model.muscle_names])
+    )
 
 
 def plan_at(plans: Sequence[Plan], time_ns: int) -> Plan | None:

@@ -356,7 +356,10 @@ def spoil_end_position(number: int, topic: str, message: Any) -> Any:
         (spoil_reason, "/inhibition_status has the reason 99, which is not known"),
         (spoil_speed_index, "speed_index of /inhibition_status has not one value for each name"),
         (spoil_position, "position of /joint_states has not one value for each name"),
-        (spoil_end_position, "end_position of /swing_plan has not one value for each joint"),
+        (
+            spoil_end_position,
+            "a plan of /swing_plan does not fit: end_position has 1 values for 2 names",
+        ),
     ],
 )
 def test_a_message_that_cannot_be_used_is_one_line(

@@ -1,12 +1,13 @@
 """Reads a recorded plan, of today or as older versions wrote it."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from fastswing_planner.analysis.recording import RecordedPlan, plausible
 from fastswing_planner.arrays import Matrix
+from fastswing_planner.cdr.plan_fields import PlanFields
+from fastswing_planner.errors import WrongLength
 
 _METHODS = {0: "basic", 1: "inhibit", 2: "elongate", 3: "hybrid"}
 
@@ -18,73 +19,33 @@ def recorded_plan(received: float, message: Any) -> RecordedPlan:
 
     Plans recorded before a field existed lack it or have it empty: zero.
     """
-    joints, muscles = tuple(message.joint_name), tuple(message.muscle_name)
-    time, joint_velocity, muscle_velocity = _predicted(
-        message.trajectory, len(joints), len(muscles)
-    )
-    kept = np.array(message.mask, dtype=bool)
+    fields = PlanFields(message)
     plan = RecordedPlan(
         received=received,
         method=_METHODS.get(message.method, f"method {message.method}"),
-        joint_names=joints,
-        start=plausible(message.start_position),
-        end=plausible(message.end_position),
-        muscle_names=muscles,
-        kept=kept,
-        inhibited=np.array(_or_zeros(message, "inhibited", muscles), dtype=bool),
-        elongation=plausible(message.elongation),
-        speed_index=plausible(_or_zeros(message, "speed_index", muscles)),
+        joint_names=fields.joint_names,
+        start=plausible(fields.vector("start_position")),
+        end=plausible(fields.vector("end_position")),
+        muscle_names=fields.muscle_names,
+        kept=fields.flags("mask"),
+        inhibited=fields.flags("inhibited"),
+        elongation=plausible(fields.vector("elongation")),
+        speed_index=plausible(fields.vector("speed_index")),
         time_cost=float(plausible(message.time_cost)),
-        time=plausible(time),
-        joint_velocity=_table(joint_velocity, len(time), len(joints)),
-        muscle_velocity=_table(muscle_velocity, len(time), len(muscles)),
+        time=plausible(fields.time),
+        joint_velocity=_table(fields, "joint_velocity", len(fields.joint_names)),
+        muscle_velocity=_table(fields, "muscle_velocity", len(fields.muscle_names)),
     )
-    for what, values, names in (
-        ("start_position", plan.start, joints),
-        ("end_position", plan.end, joints),
-        ("mask", plan.kept, muscles),
-        ("inhibited", plan.inhibited, muscles),
-        ("elongation", plan.elongation, muscles),
-        ("speed_index", plan.speed_index, muscles),
-    ):
-        if values.shape != (len(names),):
-            raise ValueError(f"{what} has {values.size} values for {len(names)} names")
-    if not joints:
+    if not plan.joint_names:
         raise ValueError("it names no joint")
     if np.array_equal(plan.start, plan.end):
         raise ValueError("it ends where it starts")
     return plan
 
 
-def _or_zeros(message: Any, name: str, muscles: Sequence[str]) -> Sequence[float]:
-    values: Sequence[float] = getattr(message, name, ())
-    return values if len(values) else [0.0] * len(muscles)
-
-
-def _predicted(
-    trajectory: Any, joints: int, muscles: int
-) -> tuple[Sequence[float], Sequence[float], Sequence[float]]:
-    """Return time [s] and the speeds of joints and muscles, row by row.
-
-    Plans recorded before SwingTrajectory have a message for each step.
-    """
-    if hasattr(trajectory, "time_from_start"):
-        return trajectory.time_from_start, trajectory.joint_velocity, trajectory.muscle_velocity
-    return (
-        [point.time_from_start for point in trajectory],
-        _in_a_row([point.joint_velocity for point in trajectory], joints),
-        _in_a_row([point.muscle_velocity for point in trajectory], muscles),
-    )
-
-
-def _in_a_row(rows: Sequence[Sequence[float]], width: int) -> list[float]:
-    """Return rows one behind the other; those of another length are unknown."""
-    unknown = [np.nan] * width
-    return [value for row in rows for value in (row if len(row) == width else unknown)]
-
-
-def _table(numbers: Sequence[float], steps: int, width: int) -> Matrix:
+def _table(fields: PlanFields, name: str, width: int) -> Matrix:
     """Return a table (steps, width); unknown if there are fewer or more numbers."""
-    if len(numbers) != steps * width:
-        return np.full((steps, width), np.nan)
-    return plausible(np.reshape(numbers, (steps, width)))
+    try:
+        return plausible(fields.table(name))
+    except WrongLength:
+        return np.full((fields.time.size, width), np.nan)

@@ -3,11 +3,9 @@
 import dataclasses
 from array import array
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point
-from numpy.typing import NDArray
 
 from fastswing_msgs.msg import (
     ErrorCode,
@@ -20,6 +18,7 @@ from fastswing_msgs.msg import (
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.arrays import Matrix, Vector, frozen, frozen_flags
+from fastswing_planner.cdr.plan_fields import PlanFields
 from fastswing_planner.conversion.error_codes import error_code, error_from
 from fastswing_planner.errors import WrongLength
 from fastswing_planner.execution.figures import SwingFigures as Figures
@@ -51,8 +50,7 @@ _VECTORS = (
     "final_tension",
     "speed_index",
 )
-_JOINT_TABLES = ("joint_position", "joint_velocity")
-_MUSCLE_TABLES = ("muscle_length", "muscle_velocity")
+_TABLES = ("joint_position", "joint_velocity", "muscle_length", "muscle_velocity")
 
 
 def request_from_message(
@@ -170,22 +168,32 @@ def write_plan(plan: SwingPlan, message: SwingPlanMessage) -> None:
 
 
 def plan_from_message(message: SwingPlanMessage) -> SwingPlan:
-    """Return the plan that `plan_to_message` wrote; raises WrongLength if a table does not fit."""
-    muscles = tuple(message.muscle_name)
+    """Return the plan that `plan_to_message` wrote.
+
+    Raises WrongLength if a vector or table does not fit or there is no step, ValueError for an
+    unknown method.
+    """
+    fields = PlanFields(message)
+    if not fields.time.size:
+        raise WrongLength("the plan's trajectory has no step")
     return SwingPlan(
-        joint_names=tuple(message.joint_name),
-        muscle_names=muscles,
+        joint_names=fields.joint_names,
+        muscle_names=fields.muscle_names,
         method=Method(message.method),
-        start=frozen(message.start_position),
-        end=frozen(message.end_position),
-        kept=frozen_flags(message.mask),
-        inhibited=frozen_flags(message.inhibited),
-        **{name: frozen(getattr(message, name)) for name in _VECTORS},
+        start=fields.vector("start_position"),
+        end=fields.vector("end_position"),
+        kept=fields.flags("mask"),
+        inhibited=fields.flags("inhibited"),
+        **{name: fields.vector(name) for name in _VECTORS},
         holding_margin=message.holding_margin,
         epsilon=message.epsilon,
         time_cost_basic=message.time_cost_basic,
-        trajectory=_trajectory_from_message(message),
-        trials=tuple(_trial_from(trial, muscles) for trial in message.trials),
+        trajectory=Trajectory(
+            time=fields.time,
+            at_limit=frozen_flags(fields.table("at_limit")),
+            **{name: frozen(fields.table(name)) for name in _TABLES},
+        ),
+        trials=tuple(_trial_from(trial, fields.muscle_names) for trial in message.trials),
         proven=message.proven,
         warnings=tuple(message.warning),
     )
@@ -221,21 +229,9 @@ def _doubles(values: Vector) -> "array[float]":
 
 def _write_trajectory(trajectory: Trajectory, message: SwingTrajectory) -> None:
     message.time_from_start = _doubles(trajectory.time)
-    for name in (*_JOINT_TABLES, *_MUSCLE_TABLES):
+    for name in _TABLES:
         setattr(message, name, _doubles(getattr(trajectory, name)))
     message.at_limit = trajectory.at_limit.ravel().tolist()
-
-
-def _trajectory_from_message(message: SwingPlanMessage) -> Trajectory:
-    tables = message.trajectory
-    steps, joints = len(tables.time_from_start), len(message.joint_name)
-    muscles = len(message.muscle_name)
-    return Trajectory(
-        time=frozen(tables.time_from_start),
-        at_limit=frozen_flags(table(tables.at_limit, steps, muscles)),
-        **{name: frozen(table(getattr(tables, name), steps, joints)) for name in _JOINT_TABLES},
-        **{name: frozen(table(getattr(tables, name), steps, muscles)) for name in _MUSCLE_TABLES},
-    )
 
 
 def _trial(trial: Trial, muscle_names: Sequence[str]) -> MaskTrial:
@@ -254,20 +250,14 @@ def _trial_from(message: MaskTrial, muscle_names: Sequence[str]) -> Trial:
     return Trial(kept, _VERDICTS_BACK[message.verdict], message.holding_residual, message.time_cost)
 
 
-def predicted_figures(message: SwingPlanMessage) -> SwingFigures:
-    """Return a plan's figures in the form of the measured ones; raises WrongLength."""
-    trajectory = message.trajectory
-    steps, joints, muscles = (
-        len(names)
-        for names in (trajectory.time_from_start, message.joint_name, message.muscle_name)
-    )
-    if not steps:
-        raise WrongLength("the plan's trajectory has no step")
+def predicted_figures(plan: SwingPlan) -> SwingFigures:
+    """Return a plan's figures in the form of the measured ones."""
+    trajectory = plan.trajectory
     return SwingFigures(
-        peak_joint_velocity=_peaks(table(trajectory.joint_velocity, steps, joints)),
-        time_cost=message.time_cost,
-        peak_muscle_velocity=_peaks(table(trajectory.muscle_velocity, steps, muscles)),
-        peak_tension=[float("nan")] * muscles,
+        peak_joint_velocity=_peaks(trajectory.joint_velocity),
+        time_cost=plan.time_cost,
+        peak_muscle_velocity=_peaks(trajectory.muscle_velocity),
+        peak_tension=[float("nan")] * len(plan.muscle_names),
     )
 
 
@@ -279,16 +269,6 @@ def figures_to_message(figures: Figures) -> SwingFigures:
         peak_muscle_velocity=figures.peak_muscle_velocity.tolist(),
         peak_tension=figures.peak_tension.tolist(),
     )
-
-
-def table(numbers: Sequence[float], steps: int, width: int) -> NDArray[Any]:
-    """Return a table of a trajectory's message, shape (steps, width); raises WrongLength."""
-    if len(numbers) != steps * width:
-        raise WrongLength(
-            f"a table of the plan's trajectory has {len(numbers)} values, expected {width} for "
-            f"each of {steps} steps"
-        )
-    return np.reshape(numbers, (steps, width))
 
 
 def _peaks(values: Matrix) -> list[float]:

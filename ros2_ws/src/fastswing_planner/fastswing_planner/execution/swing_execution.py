@@ -1,15 +1,13 @@
 """Carries out one planned swing: raise, elongate, settle, swing, recover.
 
-A state machine without clock or I/O: measurements and time come in, orders go out.
+A state machine without clock or I/O: measurements and time come in, commands go out.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
-from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import (
     FaultLatched,
     Interrupted,
@@ -19,41 +17,28 @@ from fastswing_planner.errors import (
     SwingNotReady,
     SwingStateStale,
 )
+from fastswing_planner.execution.approach import Approach
 from fastswing_planner.execution.figures import SwingFigures, SwingMeasurement
+from fastswing_planner.execution.inhibitor_watch import InhibitorWatch
 from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
 )
 from fastswing_planner.execution.posture_path import (
-    PosturePath,
     encoder_lengths,
-    posture_path,
-    smooth_fraction,
 )
+from fastswing_planner.execution.prepared_swing import PreparedSwing
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.planning.holding import Holding
-from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 _SWING = Phase.SWING  # looking a member up in its enumeration takes half a microsecond
 
 
 @dataclass(frozen=True)
-class PreparedSwing:
-    """What the executor needs of a plan; vectors of shape (n,) or (m,)."""
-
-    method: Method
-    start: Vector
-    end: Vector
-    elongation: Vector
-    holding_tension: Vector
-    final_tension: Vector
-
-
-@dataclass(frozen=True)
-class Orders:
+class SwingCommands:
     """What has to be done now.
 
     lengths  [m] length command for all muscles, shape (m,); None: nothing new
@@ -124,26 +109,12 @@ class SwingExecution:
         self._rest = RestWatch(settings.rest_speed, settings.rest_time)
         self._holds = muscles.holds if holds is None else holds
         self._interruption = ""
-        self._inhibition_lost = ""
-        self._inhibition_heard = -math.inf
-        self._inhibition_over = False  # it reached the goal
-        self._armed = False
-        self._arm_asked_at = math.inf  # [s]
+        self._inhibitor = InhibitorWatch()
         self._over = False
         self._done = False
         refuse_muscles(muscles, self._holds)
-        self._raise: PosturePath = posture_path(
-            model, hold, wire_stiffness, joints.position, swing.start, settings.raise_speed
-        )
-        self._prepared_lengths = frozen(
-            encoder_lengths(model, wire_stiffness, swing.start, swing.holding_tension)
-            + swing.elongation
-        )
+        self._approach = Approach(model, hold, wire_stiffness, swing, settings, joints.position)
         self._end_lengths = encoder_lengths(model, wire_stiffness, swing.end, swing.final_tension)
-        self._change = self._prepared_lengths - self._raise.lengths[-1]
-        # For every method: the tensions of the raised arm move to those of the plan.
-        self._elongate_time = max(float(np.abs(self._change).max()) / settings.elongate_speed, 0.1)
-        self._refuse_long_phases()
         self._measurement: SwingMeasurement | None = None
         self._handlers = {
             Phase.RAISE: self._step_raise,
@@ -184,19 +155,11 @@ class SwingExecution:
 
     def inhibitor_armed(self) -> None:
         """Take note that the inhibitor is armed."""
-        self._armed = True
+        self._inhibitor.armed = True
 
     def add_inhibition(self, report: InhibitionReport) -> None:
         """Take a report of the inhibitor; if it ended before the goal, the swing has to stop."""
-        # The middleware repeats what was lost: the end of an earlier swing may arrive in this one.
-        if report.time < self._arm_asked_at:
-            return
-        if report.armed:
-            self._inhibition_heard = max(self._inhibition_heard, report.time)
-        elif report.reached:
-            self._inhibition_over = self._armed
-        elif self._armed and not self._arrived and self._phase is not Phase.RECOVER:
-            self._inhibition_lost = report.reason
+        self._inhibitor.add(report, not self._arrived and self._phase is not Phase.RECOVER)
 
     def interrupted(self, reason: str) -> None:
         """Take note that somebody else commands the arm; the swing then has to stop."""
@@ -217,18 +180,18 @@ class SwingExecution:
         if self._phase is _SWING and self._measurement is not None:
             self._measurement.add_muscles(muscles.velocity, muscles.tension)
 
-    def stop(self) -> Orders:
-        """End the swing wherever the arm is; return the orders that hold the measured lengths."""
+    def stop(self) -> SwingCommands:
+        """End the swing wherever the arm is; return the commands that hold the measured lengths."""
         self._over = True
-        return Orders(lengths=self._muscles.length, disarm=True)
+        return SwingCommands(lengths=self._muscles.length, disarm=True)
 
-    def step(self, now: float) -> Orders:
+    def step(self, now: float) -> SwingCommands:
         """Return what has to be done at time `now` [s]; nothing once the swing has ended.
 
         Raises SwingAborted when the swing cannot go on; `stop` then holds the arm.
         """
         if self._over:
-            return Orders()
+            return SwingCommands()
         try:
             self._refuse_to_go_on(now)
             return self._handlers[self._phase](now, now - self._phase_start)
@@ -237,11 +200,10 @@ class SwingExecution:
             raise
 
     def _refuse_to_go_on(self, now: float) -> None:
-        refuse_muscles(self._muscles, self._holds, self._arm_asked_at < math.inf)
+        refuse_muscles(self._muscles, self._holds, self._inhibitor.asked)
         if self._interruption:
             raise Interrupted(self._interruption)
-        if self._inhibition_lost:
-            raise SwingNotReady(f"the inhibitor disarmed itself: {self._inhibition_lost}")
+        self._inhibitor.refuse_lost()
         age = self.age(now)
         if age > self._settings.state_timeout:
             raise SwingStateStale(f"the last measurements are {age:.2f} s old")
@@ -252,20 +214,6 @@ class SwingExecution:
             stall = now - self._last_step
             raise SwingStateStale(f"the executor did not run for {stall:.2f} s")
         self._last_step = now
-
-    def _refuse_long_phases(self) -> None:
-        settings = self._settings
-        if self._raise.duration > settings.raise_limit:
-            raise PhaseTimeout(
-                f"the way to the start posture would take {self._raise.duration:.1f} s at "
-                f"{settings.raise_speed:g} rad/s, raise_limit is {settings.raise_limit:g} s",
-            )
-        if self._elongate_time > settings.elongate_limit:
-            raise PhaseTimeout(
-                f"paying out would take {self._elongate_time:.1f} s at "
-                f"{settings.elongate_speed:g} m/s, elongate_limit is "
-                f"{settings.elongate_limit:g} s",
-            )
 
     def _enter(self, phase: Phase, now: float) -> None:
         self._phase = phase
@@ -282,20 +230,19 @@ class SwingExecution:
     def _near_end(self) -> bool:
         return self.distance_to_end < self._settings.arrival_tolerance
 
-    def _step_raise(self, now: float, elapsed: float) -> Orders:
-        if elapsed >= self._raise.duration:
+    def _step_raise(self, now: float, elapsed: float) -> SwingCommands:
+        if elapsed >= self._approach.raise_time:
             # Paying out is for the start posture: an arm that did not come there stays as it is.
             if self._distance_to_start < self._settings.start_tolerance:
                 self._enter(Phase.ELONGATE, now)
             elif elapsed > self._settings.raise_limit:
                 raise self._not_at_start("come")
-        return Orders(lengths=self._raise.at(elapsed))
+        return SwingCommands(lengths=self._approach.raising(elapsed))
 
-    def _step_elongate(self, now: float, elapsed: float) -> Orders:
-        if elapsed >= self._elongate_time:
+    def _step_elongate(self, now: float, elapsed: float) -> SwingCommands:
+        if elapsed >= self._approach.pay_out_time:
             self._enter(Phase.SETTLE, now)
-        share = smooth_fraction(elapsed, self._elongate_time)
-        return Orders(lengths=frozen(self._raise.lengths[-1] + share * self._change))
+        return SwingCommands(lengths=self._approach.paying_out(elapsed))
 
     def _not_at_start(self, verb: str) -> NotAtStart:
         return NotAtStart(
@@ -303,30 +250,30 @@ class SwingExecution:
             f"within {self._settings.start_tolerance:g} rad of it",
         )
 
-    def _step_settle(self, now: float, elapsed: float) -> Orders:
+    def _step_settle(self, now: float, elapsed: float) -> SwingCommands:
         near = self._distance_to_start < self._settings.start_tolerance
         ready = near and self._rest.resting(now)
-        if ready and (self._armed or not self._swing.method.inhibits):
+        if ready and (self._inhibitor.armed or not self._swing.method.inhibits):
             return self._start_swing(now)
         if elapsed > self._settings.settle_limit:
             if ready:
                 raise SwingNotReady("the inhibitor did not confirm that it is armed")
             raise self._not_at_start("rest")
-        if ready and self._arm_asked_at == math.inf:
-            self._arm_asked_at = now
-            return Orders(arm=True)
-        return Orders()
+        if ready and not self._inhibitor.asked:
+            self._inhibitor.ask(now)
+            return SwingCommands(arm=True)
+        return SwingCommands()
 
-    def _start_swing(self, now: float) -> Orders:
+    def _start_swing(self, now: float) -> SwingCommands:
         self._enter(Phase.SWING, now)
         self._measurement = SwingMeasurement(
             self._joints.position.size, self._muscles.length.size, now
         )
         # "Starting from theta_start, we sent the muscle length achieving theta_end for 0 seconds"
         # (section IV-B of the paper).
-        return Orders(lengths=self._end_lengths)
+        return SwingCommands(lengths=self._end_lengths)
 
-    def _step_swing(self, now: float, elapsed: float) -> Orders:
+    def _step_swing(self, now: float, elapsed: float) -> SwingCommands:
         late = elapsed > self._settings.swing_limit
         self._refuse_silent_inhibitor()
         if late and not self._arrived:
@@ -337,20 +284,17 @@ class SwingExecution:
             )
         if late or (self._arrived and self._rest.resting(now)):
             self._enter(Phase.RECOVER, now)
-            return Orders(lengths=self._end_lengths, disarm=True)
-        return Orders()
+            return SwingCommands(lengths=self._end_lengths, disarm=True)
+        return SwingCommands()
 
     def _refuse_silent_inhibitor(self) -> None:
-        if not self._swing.method.inhibits or self._inhibition_over or self._arrived:
-            return
-        # It decides when a joint state comes, so it may be silent as long as none does.
-        silence = self._joints.time - max(self._inhibition_heard, self._phase_start)
-        if silence > self._settings.state_timeout:
-            raise SwingNotReady(f"the inhibitor has been silent for {silence:.2f} s")
+        if self._swing.method.inhibits and not self._inhibitor.over and not self._arrived:
+            timeout = self._settings.state_timeout
+            self._inhibitor.refuse_silent(self._phase_start, self._joints.time, timeout)
 
-    def _step_recover(self, now: float, elapsed: float) -> Orders:
+    def _step_recover(self, now: float, elapsed: float) -> SwingCommands:
         if elapsed < self._settings.recover_time:
-            return Orders()
+            return SwingCommands()
         if self._near_end() and self._rest.resting(now):
             self._done = self._over = True
         elif elapsed > self._settings.recover_limit:
@@ -359,4 +303,4 @@ class SwingExecution:
                 f"posture {self._settings.recover_limit:g} s after the swing; it is "
                 f"{self.distance_to_end:.3f} rad away",
             )
-        return Orders()
+        return SwingCommands()

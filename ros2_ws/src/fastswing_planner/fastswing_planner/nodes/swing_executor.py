@@ -42,7 +42,7 @@ from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.nodes.executor_links import ExecutorLinks
-from fastswing_planner.nodes.swing_goal import SwingGoal, SwingSurroundings
+from fastswing_planner.nodes.swing_goal import SwingContext, SwingGoal
 from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import load_robot
@@ -226,7 +226,7 @@ class ExecutorNode(ManagedNode):
         robot, settings = self._robot, self._execution_settings
         self._rest = RestWatch(settings.rest_speed, settings.rest_time)
         planner = SwingPlanner(robot.model, robot.limits, solver_from())
-        self._around = SwingSurroundings(
+        self._context = SwingContext(
             robot, planner.hold, self._rest, settings, self._service_timeout, self._links
         )
         self._subscriptions_made = [
@@ -334,7 +334,7 @@ class ExecutorNode(ManagedNode):
             raise SwingNotReady("the swing executor is not active")
         if self._goal is not None and not handle.request.preempt:
             raise Busy("another swing runs: wait for its result, cancel it, or set preempt")
-        goal, now = SwingGoal(handle, self._around), self.monotonic()
+        goal, now = SwingGoal(handle, self._context), self.monotonic()
         if self._goal is None:
             self._goal = goal
             goal.begin(now)

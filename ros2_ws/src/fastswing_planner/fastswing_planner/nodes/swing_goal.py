@@ -7,58 +7,55 @@ import numpy as np
 from builtin_interfaces.msg import Duration
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
-from std_srvs.srv import Trigger
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
-from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.arrays import Vector
 from fastswing_planner.cdr.stamps import from_seconds
 from fastswing_planner.conversion.error_codes import error_code, error_from
 from fastswing_planner.conversion.plans import (
     figures_to_message,
     payload_from_options,
+    plan_from_message,
     predicted_figures,
 )
 from fastswing_planner.errors import (
     Canceled,
+    FaultLatched,
     PhaseTimeout,
     PlannerError,
     SwingNotReady,
     SwingStateStale,
-    WrongLength,
 )
 from fastswing_planner.execution.measurements import (
     InhibitionReport,
     JointMeasurement,
     MuscleMeasurement,
 )
+from fastswing_planner.execution.prepared_swing import PreparedSwing
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.execution.swing_execution import (
-    Orders,
-    PreparedSwing,
+    SwingCommands,
     SwingExecution,
     refuse_muscles,
 )
 from fastswing_planner.nodes.executor_links import ExecutorLinks
+from fastswing_planner.nodes.stopping import Stopping
 from fastswing_planner.planning.holding import Holding
-from fastswing_planner.planning.request import Method
+from fastswing_planner.planning.plan import SwingPlan
 from fastswing_planner.robot.description import Robot
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 
 _LONGEST_SEARCH_SEC = 3600.0
-_CONFIRM_SEC = 1.0
-"""Longest wait for bridge and inhibitor when a swing is stopped."""
-_RELEASE_SEC = 0.25
-"""Then as long for muscles that the inhibitor let go: the longest lease, and some way."""
 _SETTLED_SEC = 0.05
 """By then every state was made after the goal began."""
 
 
 @dataclass(frozen=True)
-class SwingSurroundings:
+class SwingContext:
     """What every goal of an executor shares.
 
     hold             how a posture [rad], shape (n,), is held with a payload
@@ -81,26 +78,23 @@ class SwingGoal:
     arm is held, unless it ended well; then `finish`.
     """
 
-    def __init__(self, handle: ServerGoalHandle, around: SwingSurroundings) -> None:
+    def __init__(self, handle: ServerGoalHandle, context: SwingContext) -> None:
         """Wait for `begin`."""
         self._handle = handle
-        self._around = around
+        self._context = context
         self._began = np.nan
         self._deadline = np.nan
         self._states_deadline = np.nan
-        self._plan: SwingPlanMessage | None = None
-        self._predicted = SwingFigures()
+        self._message: SwingPlanMessage | None = None
+        self._plan: SwingPlan | None = None
         self._holds: int | None = None
         self._execution: SwingExecution | None = None
         self._planning: Future | None = None
         self._arming: Future | None = None
         self.error: PlannerError | None = None
         """Why the goal was stopped."""
-        self._stop_deadline = np.nan
-        self._confirmed: float | None = None  # [s] when bridge and inhibitor had confirmed it
+        self._stopping = Stopping(context.links)
         self._muscles: MuscleMeasurement | None = None
-        self._holding: Future | None = None
-        self._disarming: list[Future] = []
         self.finished = Future()
         """Done with the result when the goal has ended."""
 
@@ -122,9 +116,9 @@ class SwingGoal:
     def begin(self, now: float) -> None:
         """Begin to plan at time `now` [s]."""
         search = np.nan_to_num(self._handle.request.options.search_time_limit)
-        patience = self._around.service_timeout + float(np.clip(search, 0.0, _LONGEST_SEARCH_SEC))
+        timeout = self._context.service_timeout + float(np.clip(search, 0.0, _LONGEST_SEARCH_SEC))
         self._began = now
-        self._deadline = now + patience
+        self._deadline = now + timeout
         self._handle.publish_feedback(
             ExecuteSwing.Feedback(phase=int(Phase.PLAN), distance_to_end=np.nan)
         )
@@ -172,7 +166,7 @@ class SwingGoal:
 
     def _ask_planner(self, now: float) -> None:
         if self._planning is None:
-            if self._around.links.planner.service_is_ready():
+            if self._context.links.planner.service_is_ready():
                 goal = self._handle.request
                 request = PlanSwing.Request(
                     joint_name=goal.joint_name,
@@ -180,69 +174,65 @@ class SwingGoal:
                     end_position=goal.end_position,
                     options=goal.options,
                 )
-                self._planning = self._around.links.planner.call_async(request)
+                self._planning = self._context.links.planner.call_async(request)
         elif self._planning.done():
-            plan = _answer(self._planning).plan
-            self._predicted = _figures_of(plan)  # before anything moves
-            self._plan = plan
-            self._around.links.plan.publish(self._plan)
+            message = _answer(self._planning).plan
+            self._plan = _plan_of(message)  # before anything moves
+            self._message = message
+            self._context.links.plan.publish(message)
             # From now on the wait is for the arm.
-            self._deadline = now + self._around.settings.settle_limit
-            self._states_deadline = now + self._around.service_timeout
+            self._deadline = now + self._context.settings.settle_limit
+            self._states_deadline = now + self._context.service_timeout
             return
         if now > self._deadline:
             raise SwingNotReady("plan_swing does not answer: is the planner running?")
 
     def _start(
         self,
-        plan: SwingPlanMessage,
+        plan: SwingPlan,
         now: float,
         joints: JointMeasurement | None,
         muscles: MuscleMeasurement | None,
     ) -> SwingExecution | None:
         """Return the execution of the plan; None while the arm does not rest."""
-        around, method = self._around, Method(plan.method)
-        _refuse_foreign_plan(plan, around.robot.model)
+        context = self._context
+        _refuse_foreign_plan(plan, context.robot.model)
         if joints is None or muscles is None:
             if now < self._states_deadline:
                 return None
             raise SwingNotReady(
-                "no joint and muscle states yet: is the bridge active, do its boards answer?",
+                "no joint and muscle states yet: is the bridge active, do its boards answer?"
             )
         age = now - min(joints.time, muscles.time)
-        if age > around.settings.state_timeout:
+        if age > context.settings.state_timeout:
             raise SwingStateStale(f"the last measurements are {age:.2f} s old")
-        if method.inhibits and not around.links.arm.service_is_ready():
+        if plan.method.inhibits and not context.links.arm.service_is_ready():
             raise SwingNotReady("arm_inhibitor is missing: is the inhibitor active?")
         if self._holds is None:
             return None
         refuse_muscles(muscles, self._holds)
-        if not around.rest.resting(now):
-            if now > self._deadline:
-                raise PhaseTimeout(
-                    f"the arm did not come to rest in {around.settings.settle_limit:g} s: it is "
-                    "raised only from rest",
-                )
+        if not self._rests(now):
             return None
-        payload = payload_from_options(self._handle.request.options, around.robot.payload_body)
-        swing = PreparedSwing(
-            method=method,
-            start=frozen(plan.start_position),
-            end=frozen(plan.end_position),
-            elongation=frozen(plan.elongation),
-            holding_tension=frozen(plan.holding_tension),
-            final_tension=frozen(plan.final_tension),
-        )
+        payload = payload_from_options(self._handle.request.options, context.robot.payload_body)
         return SwingExecution(
-            around.robot.model,
-            lambda posture: around.hold(posture, payload),
-            around.robot.wire_stiffness,
-            swing,
-            around.settings,
+            context.robot.model,
+            lambda posture: context.hold(posture, payload),
+            context.robot.wire_stiffness,
+            PreparedSwing.of(plan),
+            context.settings,
             joints,
             muscles,
             self._holds,
         )
+
+    def _rests(self, now: float) -> bool:
+        resting = self._context.rest.resting(now)
+        if not resting and now > self._deadline:
+            raise PhaseTimeout(
+                f"the arm did not come to rest in {self._context.settings.settle_limit:g} s: it is "
+                "raised only from rest"
+            )
+        return resting
 
     def _advance(self, now: float, execution: SwingExecution) -> None:
         if self._arming is not None and self._arming.done():
@@ -259,26 +249,21 @@ class SwingGoal:
                 )
             )
 
-    def _carry_out(self, orders: Orders) -> None:
-        links = self._around.links
-        if orders.lengths is not None:
-            links.command_lengths(self._around.robot.model.muscle_names, orders.lengths)
-        if orders.arm:
+    def _carry_out(self, commands: SwingCommands) -> None:
+        links = self._context.links
+        if commands.lengths is not None:
+            links.command_lengths(self._context.robot.model.muscle_names, commands.lengths)
+        if commands.arm:
             self._arming = links.arm.call_async(self._arm_request())
-        if orders.disarm:
-            self._disarm()
-
-    def _disarm(self) -> None:
-        disarm = self._around.links.disarm
-        if disarm.service_is_ready():
-            self._disarming.append(disarm.call_async(Trigger.Request()))
+        if commands.disarm:
+            self._stopping.disarm()
 
     def _arm_request(self) -> ArmInhibitor.Request:
-        options, plan = self._handle.request.options, self._plan
+        options, plan = self._handle.request.options, self._message
         assert plan is not None
-        sec, nanosec = from_seconds(self._around.settings.arming_limit)
+        sec, nanosec = from_seconds(self._context.settings.arming_limit)
         return ArmInhibitor.Request(
-            stamp=self._around.links.now(),
+            stamp=self._context.links.now(),
             joint_name=plan.joint_name,
             goal_position=plan.end_position,
             # The plan's own C, not the inhibitor's parameter: it was predicted with this one.
@@ -292,59 +277,35 @@ class SwingGoal:
     def stop(self, error: PlannerError, now: float) -> None:
         """Have the arm held where it is, because of `error`; a plan alone has moved nothing."""
         self.error = error
-        self._stop_deadline = now + _CONFIRM_SEC
-        execution = self._execution
+        execution, arming = self._execution, self._arming
         if execution is None:
+            self._stopping.begin(now, False, None)
             return
-        orders = execution.stop()
-        hold = self._around.links.hold
-        # The bridge knows best where the arm is, our states may be old.
-        if hold.service_is_ready():
-            self._holding = hold.call_async(Trigger.Request())
-            orders = Orders(disarm=True)
-        elif execution.age(now) > self._around.settings.state_timeout:
-            orders = Orders(disarm=True)
-        self._carry_out(orders)
-        if self._arming is not None:
-            # An arming that is still on its way must not outlive the swing.
-            self._arming.add_done_callback(self._on_late_arming)
-
-    def _on_late_arming(self, _arming: Future) -> None:
-        self._arming = None
-        self._disarm()
+        commands = execution.stop()
+        if self._stopping.hold() or execution.age(now) > self._context.settings.state_timeout:
+            commands = SwingCommands(disarm=True)
+        self._carry_out(commands)
+        self._stopping.begin(now, True, arming)
 
     def stopped(self, now: float) -> bool:
-        """Return whether the arm is held: bridge and inhibitor say so, and no muscle is limp.
-
-        Or it is not in time.
-        """
-        calls = [*self._disarming, *filter(None, (self._holding, self._arming))]
-        confirmed = all(call.done() for call in calls)
-        if now > self._stop_deadline or self._execution is None:
-            return now > self._stop_deadline or confirmed
-        if not confirmed:
-            self._confirmed = None  # an arming that came late is taken back by one more call
-            return False
-        self._confirmed = now if self._confirmed is None else self._confirmed
-        # The inhibitor's last override may still be on its way to the bridge when both answer.
-        muscles = self._muscles
-        seen = muscles is not None and muscles.time > self._confirmed and not _not_held(muscles)
-        return seen or now > self._confirmed + _RELEASE_SEC
+        """Return whether the arm is held and the inhibitor disarmed, or it is too late for that."""
+        return self._stopping.done(now, self._muscles)
 
     def finish(self) -> None:
         """Write the result."""
         execution, error = self._execution, self.error
         result = ExecuteSwing.Result(error_code=ErrorCode.SUCCESS)
-        if self._plan is not None:
-            result.plan = self._plan
-            result.predicted = self._predicted
+        if self._message is not None and self._plan is not None:
+            result.plan = self._message
+            result.predicted = predicted_figures(self._plan)
         if execution is not None and execution.figures is not None:
             result.measured = figures_to_message(execution.figures)
         else:
             result.measured = SwingFigures(time_cost=np.nan)
         if error is not None:
             result.error_code = error_code(error)
-            result.error_string = f"{error}{self._unconfirmed()}"
+            told = isinstance(error, FaultLatched)
+            result.error_string = f"{error}{self._stopping.unconfirmed(self._muscles, told)}"
         if error is None:
             self._handle.succeed()
         elif self.canceled:
@@ -352,28 +313,6 @@ class SwingGoal:
         else:
             self._handle.abort()
         self.finished.set_result(result)
-
-    def _unconfirmed(self) -> str:
-        if self._execution is None:
-            return ""
-        if self._holding is None:
-            return "; hold_posture is missing: is the bridge active?"
-        if not self._holding.done():
-            return "; the bridge did not confirm that it holds the arm"
-        answer = self._holding.result()
-        if not answer.success:
-            return f"; the bridge does not hold the arm: {answer.message}"
-        if not all(call.done() for call in self._disarming):
-            return "; the inhibitor did not confirm that it is disarmed"
-        loose = () if self._muscles is None else _not_held(self._muscles)
-        if loose and self.error is not None and self.error.code_name != "FAULT_LATCHED":
-            return f"; muscles that do not hold a length: {', '.join(loose)}"
-        return ""
-
-
-def _not_held(muscles: MuscleMeasurement) -> tuple[str, ...]:
-    """Return the muscles that somebody let go or drives, without those that have a fault."""
-    return tuple(name for name in muscles.limp + muscles.driven if name not in muscles.faulty)
 
 
 def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
@@ -384,19 +323,20 @@ def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
     return response
 
 
-def _figures_of(plan: SwingPlanMessage) -> SwingFigures:
+def _plan_of(message: SwingPlanMessage) -> SwingPlan:
+    """Return the planner's answer; raises SwingNotReady if it is no plan."""
     try:
-        return predicted_figures(plan)
-    except WrongLength as error:
+        return plan_from_message(message)
+    except ValueError as error:
         raise SwingNotReady(f"the planner's answer is no plan: {error}") from error
 
 
-def _refuse_foreign_plan(plan: SwingPlanMessage, model: MuscleModel) -> None:
+def _refuse_foreign_plan(plan: SwingPlan, model: MuscleModel) -> None:
     for what, planned, own in (
-        ("joints", plan.joint_name, model.joint_names),
-        ("muscles", plan.muscle_name, model.muscle_names),
+        ("joints", plan.joint_names, model.joint_names),
+        ("muscles", plan.muscle_names, model.muscle_names),
     ):
-        if tuple(planned) != own:
+        if planned != own:
             raise SwingNotReady(
                 f"the planner's robot has the {what} {', '.join(planned)}, this one "
                 f"{', '.join(own)}: give both nodes the same robot_description",

@@ -202,7 +202,7 @@ def test_a_mask_is_one_for_kept_muscles(musashi: Robot) -> None:
 
 def test_predicted_figures_are_the_trajectorys_peaks(musashi: Robot) -> None:
     planned = plan(musashi, Method.INHIBIT)
-    figures = predicted_figures(plan_to_message(planned))
+    figures = predicted_figures(planned)
     expected = np.abs(planned.trajectory.joint_velocity).max(axis=0)
     assert list(figures.peak_joint_velocity) == expected.tolist()
 
@@ -218,14 +218,24 @@ def test_predicted_figures_are_the_trajectorys_peaks(musashi: Robot) -> None:
         ("time_from_start", [], "the plan's trajectory has no step"),
     ],
 )
-def test_a_trajectory_that_does_not_fit_has_no_figures(
+def test_a_trajectory_that_does_not_fit_is_no_plan(
     musashi: Robot, field: str, wrong: list[float], text: str
 ) -> None:
     message = plan_to_message(plan(musashi, Method.BASIC))
     setattr(message.trajectory, field, wrong)
     with pytest.raises(WrongLength) as caught:
-        predicted_figures(message)
+        plan_from_message(message)
     assert str(caught.value) == text
+
+
+@pytest.mark.parametrize("field", ["end_position", "mask", "elongation", "final_tension"])
+def test_a_vector_of_another_length_is_no_plan(musashi: Robot, field: str) -> None:
+    message = plan_to_message(plan(musashi, Method.BASIC))
+    count = len(getattr(message, field))
+    setattr(message, field, getattr(message, field)[:-1])
+    with pytest.raises(WrongLength) as caught:
+        plan_from_message(message)
+    assert str(caught.value) == f"{field} has {count - 1} values for {count} names"
 
 
 @pytest.mark.parametrize("field", list(SwingTrajectory.get_fields_and_field_types()))

@@ -16,7 +16,7 @@ from fastswing_planner.execution.measurements import (
 )
 from fastswing_planner.execution.posture_path import encoder_lengths
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.execution.swing_execution import Orders, PreparedSwing, SwingExecution
+from fastswing_planner.execution.swing_execution import PreparedSwing, SwingCommands, SwingExecution
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.muscle_model import MuscleModel
@@ -45,20 +45,20 @@ class Stage:
     speed: float = 0.0
     inhibitor_speaks: bool = True
     phases: list[Phase] = field(default_factory=list)
-    orders: list[Orders] = field(default_factory=list)
+    commands: list[SwingCommands] = field(default_factory=list)
 
-    def tick(self) -> Orders:
+    def tick(self) -> SwingCommands:
         """Measure, step and note what was ordered."""
         self.now += PERIOD
         self.execution.add_joints(joints_at(self.now, self.place, self.speed))
         self.execution.add_muscles(muscles_at(self.now))
         if self.inhibitor_speaks:
             self.execution.add_inhibition(InhibitionReport(self.now, True))
-        orders = self.execution.step(self.now)
-        self.orders.append(orders)
+        commands = self.execution.step(self.now)
+        self.commands.append(commands)
         if self.execution.phase not in self.phases:
             self.phases.append(self.execution.phase)
-        return orders
+        return commands
 
     def run_until(self, phase: Phase) -> None:
         """Tick until a phase is entered; the arm follows to the start posture by itself."""
@@ -69,7 +69,7 @@ class Stage:
             self.tick()
         raise AssertionError(f"{phase!r} was not reached")
 
-    def tick_for(self, duration: float) -> list[Orders]:
+    def tick_for(self, duration: float) -> list[SwingCommands]:
         """Tick for a time [s] and return what was ordered."""
         return [self.tick() for _ in range(round(duration / PERIOD))]
 
@@ -150,7 +150,7 @@ def test_raising_starts_where_the_arm_is(linear_arm: ArmBuilder) -> None:
 def test_raising_is_no_faster_than_asked(linear_arm: ArmBuilder) -> None:
     case = stage(linear_arm, raise_speed=0.5)
     case.run_until(Phase.ELONGATE)
-    lengths = np.array([orders.lengths for orders in case.orders])
+    lengths = np.array([commands.lengths for commands in case.commands])
     # The muscle of 0.05 m moment arm tells the joint's speed.
     assert np.abs(np.diff(lengths[:, 0])).max() / PERIOD / 0.05 <= 0.505
 
@@ -159,7 +159,7 @@ def test_after_elongating_the_lengths_are_the_plans(linear_arm: ArmBuilder) -> N
     case = stage(linear_arm)
     case.run_until(Phase.SETTLE)
     expected = encoder_lengths(case.model, STIFFNESS, START, TENSION) + ELONGATION
-    assert case.orders[-1].lengths == pytest.approx(expected)
+    assert case.commands[-1].lengths == pytest.approx(expected)
 
 
 def test_elongating_is_about_as_slow_as_asked(linear_arm: ArmBuilder) -> None:
@@ -174,7 +174,7 @@ def test_elongating_is_about_as_slow_as_asked(linear_arm: ArmBuilder) -> None:
 def test_no_length_command_jumps_before_the_swing(linear_arm: ArmBuilder) -> None:
     case = stage(linear_arm)
     case.run_until(Phase.SETTLE)
-    lengths = np.array([orders.lengths for orders in case.orders])
+    lengths = np.array([commands.lengths for commands in case.commands])
     # 0.8 rad/s at 0.05 m, and pi/2 times 0.08 m/s, are both below 0.13 m/s.
     assert np.abs(np.diff(lengths, axis=0)).max() <= 0.13 * PERIOD
 
@@ -183,8 +183,8 @@ def test_the_swing_is_one_command_of_the_ends_lengths(linear_arm: ArmBuilder) ->
     case = stage(linear_arm)
     case.run_until(Phase.SWING)
     expected = encoder_lengths(case.model, STIFFNESS, END, FINAL_TENSION)
-    assert case.orders[-1].lengths == pytest.approx(expected)
-    assert case.tick() == Orders()
+    assert case.commands[-1].lengths == pytest.approx(expected)
+    assert case.tick() == SwingCommands()
 
 
 def test_a_moving_arm_does_not_swing(linear_arm: ArmBuilder) -> None:
@@ -221,8 +221,8 @@ def test_an_arm_away_from_the_start_is_not_swung(linear_arm: ArmBuilder) -> None
 def test_method_1_asks_once_to_arm_the_inhibitor(linear_arm: ArmBuilder) -> None:
     case = stage(linear_arm, Method.INHIBIT)
     case.run_until(Phase.SETTLE)
-    orders = case.tick_for(2.0)
-    assert [each.arm for each in orders].count(True) == 1
+    commands = case.tick_for(2.0)
+    assert [each.arm for each in commands].count(True) == 1
     assert case.execution.phase is Phase.SETTLE
 
 
@@ -247,7 +247,7 @@ def test_method_1_does_not_swing_without_the_inhibitor(linear_arm: ArmBuilder) -
 def test_other_methods_arm_nothing(linear_arm: ArmBuilder, method: Method) -> None:
     case = stage(linear_arm, method)
     case.run_until(Phase.SWING)
-    assert not any(orders.arm for orders in case.orders)
+    assert not any(commands.arm for commands in case.commands)
 
 
 def test_the_end_of_a_swing_disarms(linear_arm: ArmBuilder) -> None:
@@ -255,7 +255,7 @@ def test_the_end_of_a_swing_disarms(linear_arm: ArmBuilder) -> None:
     case.execution.inhibitor_armed()
     case.run_until(Phase.SWING)
     case.finish()
-    assert [orders.disarm for orders in case.orders].count(True) == 1
+    assert [commands.disarm for commands in case.commands].count(True) == 1
 
 
 def test_passing_the_end_is_not_the_end(linear_arm: ArmBuilder) -> None:
@@ -617,10 +617,10 @@ def test_a_stop_holds_the_measured_lengths_and_disarms(
 ) -> None:
     case = stage(linear_arm)
     reach(case, phase)
-    orders = case.execution.stop()
-    assert orders.disarm
-    assert orders.lengths is not None
-    assert orders.lengths.tolist() == [0.1, 0.2]
+    commands = case.execution.stop()
+    assert commands.disarm
+    assert commands.lengths is not None
+    assert commands.lengths.tolist() == [0.1, 0.2]
 
 
 @pytest.mark.parametrize("phase", ORDER)
@@ -629,7 +629,7 @@ def test_after_a_stop_nothing_is_ordered(linear_arm: ArmBuilder, phase: Phase) -
     case.execution.inhibitor_armed()
     reach(case, phase)
     case.execution.stop()
-    assert set(case.tick_for(8.0)) == {Orders()}
+    assert set(case.tick_for(8.0)) == {SwingCommands()}
 
 
 def test_the_distance_to_the_end_is_measured(linear_arm: ArmBuilder) -> None:

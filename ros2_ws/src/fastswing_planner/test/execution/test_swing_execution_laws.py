@@ -1,4 +1,4 @@
-"""Whatever happens to a swing, it ends in a held posture and orders nothing afterwards."""
+"""Whatever happens to a swing, it ends in a held posture and commands nothing afterwards."""
 
 from collections.abc import Sequence
 
@@ -14,8 +14,9 @@ from fastswing_planner.execution.measurements import (
     JointMeasurement,
     MuscleMeasurement,
 )
+from fastswing_planner.execution.prepared_swing import PreparedSwing
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.execution.swing_execution import Orders, PreparedSwing, SwingExecution
+from fastswing_planner.execution.swing_execution import SwingCommands, SwingExecution
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.muscle_model import Payload
@@ -94,22 +95,22 @@ class AnySwing(RuleBasedStateMachine):
     def joints(self) -> JointMeasurement:
         return JointMeasurement(self.now, frozen([self.place]), frozen([self.speed]))
 
-    def take(self, orders: Orders) -> None:
-        """Check one step's orders."""
+    def take(self, commands: SwingCommands) -> None:
+        """Check one step's commands."""
         before, after = self.phases[-1], self.execution.phase
         if after is not before:
             self.phases.append(after)
-        if orders.arm:
+        if commands.arm:
             assert self.method.inhibits
             assert after is Phase.SETTLE
             self.armings += 1
-        if orders.lengths is not None:
-            assert np.isfinite(orders.lengths).all()
+        if commands.lengths is not None:
+            assert np.isfinite(commands.lengths).all()
             if self.last_lengths is not None and after < Phase.SWING:
-                assert np.abs(orders.lengths - self.last_lengths).max() <= (
+                assert np.abs(commands.lengths - self.last_lengths).max() <= (
                     FASTEST * self.elapsed + 1e-9
                 )
-            self.last_lengths = orders.lengths
+            self.last_lengths = commands.lengths
 
     def step(self, elapsed: float = PERIOD) -> None:
         self.now += elapsed
@@ -122,11 +123,11 @@ class AnySwing(RuleBasedStateMachine):
             self.ended = "SUCCESS"
 
     def end(self, code: str) -> None:
-        orders = self.execution.stop()
-        assert orders.disarm
-        assert not orders.arm
-        assert orders.lengths is not None
-        assert orders.lengths.tolist() == self.health.length.tolist()
+        commands = self.execution.stop()
+        assert commands.disarm
+        assert not commands.arm
+        assert commands.lengths is not None
+        assert commands.lengths.tolist() == self.health.length.tolist()
         self.ended = code
 
     @rule(count=st.integers(1, 80))
@@ -202,7 +203,7 @@ class AnySwing(RuleBasedStateMachine):
     @invariant()
     def nothing_is_ordered_after_the_end(self) -> None:
         if getattr(self, "ended", ""):
-            assert self.execution.step(self.now) == Orders()
+            assert self.execution.step(self.now) == SwingCommands()
 
 
 def changed(muscles: MuscleMeasurement, change: dict[str, tuple[str, ...]]) -> MuscleMeasurement:

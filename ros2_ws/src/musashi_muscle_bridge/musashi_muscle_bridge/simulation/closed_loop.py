@@ -25,8 +25,9 @@ from fastswing_planner.execution.measurements import (
     JointMeasurement,
     MuscleMeasurement,
 )
+from fastswing_planner.execution.prepared_swing import PreparedSwing
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.execution.swing_execution import Orders, PreparedSwing, SwingExecution
+from fastswing_planner.execution.swing_execution import SwingCommands, SwingExecution
 from fastswing_planner.planning.plan import SwingPlan
 from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.planning.request import SwingRequest
@@ -63,7 +64,7 @@ class ClosedLoop:
         """Compose the loop.
 
         rate              [Hz] of the control period
-        executor_rate     [Hz] of the executor's orders
+        executor_rate     [Hz] of the executor's commands
         inhibition_delay  [s] from a joint state to the override that follows from it; through ROS
                           it travels to the inhibitor and back
         """
@@ -93,20 +94,12 @@ class ClosedLoop:
         names = self._robot.model.muscle_names
         protected = np.isin(names, list(request.kept_muscles))
         arming = Arming(plan.end, request.threshold, protected, settings.arming_limit, 0.0)
-        swing = PreparedSwing(
-            plan.method,
-            plan.start,
-            plan.end,
-            plan.elongation,
-            plan.holding_tension,
-            plan.final_tension,
-        )
         self._advance()
         execution = SwingExecution(
             self._robot.model,
             lambda posture: self._planner.hold(posture, request.payload),
             self._robot.wire_stiffness,
-            swing,
+            PreparedSwing.of(plan),
             settings,
             self._joints(),
             self._muscles(),
@@ -171,12 +164,14 @@ class ClosedLoop:
         self._overrides.append(inhibited)
         self.control.arbiter.override(self._overrides.popleft(), 0.05, self._now)
 
-    def _carry_out(self, orders: Orders, execution: SwingExecution, arming: Arming) -> None:
-        if orders.lengths is not None:
-            self.control.arbiter.command(Mode.LENGTH, slice(None), orders.lengths, self._now)
-        if orders.arm:
+    def _carry_out(
+        self, commands: SwingCommands, execution: SwingExecution, arming: Arming
+    ) -> None:
+        if commands.lengths is not None:
+            self.control.arbiter.command(Mode.LENGTH, slice(None), commands.lengths, self._now)
+        if commands.arm:
             self._inhibition.arm(replace(arming, start_time=self._now))
             execution.inhibitor_armed()
-        if orders.disarm:
+        if commands.disarm:
             self._inhibition.disarm(Reason.DISARMED)
             self.control.arbiter.override([], 0.0, self._now)
