@@ -79,6 +79,10 @@ class UnknownMethod(InvalidRequest):
     code_name = "UNKNOWN_METHOD"
 
 
+class InvalidParameter(InvalidRequest):
+    """A node's parameter outside its table's type, range or choices, or misspelt."""
+
+
 class StaleRequest(InvalidRequest):
     """A request that was on its way for too long, or does not say when it was made."""
 

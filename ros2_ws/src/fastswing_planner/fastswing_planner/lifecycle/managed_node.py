@@ -17,9 +17,9 @@ from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.parameter import Parameter as RosParameter
 
 from fastswing_planner.cdr.stamps import age_sec, from_ns, to_ns
-from fastswing_planner.errors import PlannerError
+from fastswing_planner.errors import InvalidParameter, PlannerError
 from fastswing_planner.lifecycle.common_parameters import AUTOSTART, EVERY_NODE
-from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter, check_all
+from fastswing_planner.lifecycle.parameters import Parameter, check_all
 from fastswing_planner.lifecycle.real_time import (
     ask_for_real_time,
     keep_what_there_is,

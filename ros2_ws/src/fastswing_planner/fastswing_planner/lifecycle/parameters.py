@@ -6,11 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fastswing_planner.errors import InvalidRequest
-
-
-class InvalidParameter(InvalidRequest):
-    """A parameter value outside its table's type, range or choices."""
+from fastswing_planner.errors import InvalidParameter
 
 
 @dataclass(frozen=True)

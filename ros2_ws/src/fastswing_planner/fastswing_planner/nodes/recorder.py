@@ -25,9 +25,9 @@ from fastswing_planner.conversion.definitions import (
     split_type_name,
     type_hash,
 )
-from fastswing_planner.errors import BagError, DuplicateName, UnknownName
+from fastswing_planner.errors import BagError, DuplicateName, InvalidParameter, UnknownName
 from fastswing_planner.lifecycle.managed_node import ManagedNode
-from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
+from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.nodes.recorded_topics import (
     QUEUE_DEPTH,

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter, check_all
+from fastswing_planner.errors import InvalidParameter
+from fastswing_planner.lifecycle.parameters import Parameter, check_all
 
 RATE = Parameter("rate", 100.0, "Control rate.", unit="Hz", low=1.0, high=1000.0)
 COUNT = Parameter("count", 3, "Number of tries.", low=1, high=10)

@@ -6,7 +6,6 @@ from importlib.metadata import entry_points
 from typing import Any, NamedTuple, Protocol, TypeVar
 from urllib.parse import urlsplit
 
-from fastswing_planner.lifecycle.parameters import Parameter
 from musashi_muscle_bridge.errors import BusError
 
 BRIDGE_ENDS = "musashi_muscle_bridge.buses"
@@ -141,11 +140,3 @@ def url_scheme(url: str) -> str:
         return urlsplit(url).scheme
     except ValueError as error:
         raise BusError(f"bus_url '{url}': {error}; expected SCHEME://...") from error
-
-
-BUS_URL = Parameter(
-    "bus_url",
-    "udp://127.0.0.1:48800",
-    "Where the boards are: udp://HOST:PORT, serial:///DEVICE?baudrate=N, or a bus of your own; "
-    "one for each of the robot's board_groups, separated by blanks.",
-)

@@ -19,7 +19,7 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
-from fastswing_planner.lifecycle.parameters import InvalidParameter
+from fastswing_planner.errors import InvalidParameter
 from musashi_muscle_bridge.buses.protocol import CommandFrame
 from musashi_muscle_bridge.emulation.boards import Boards
 from musashi_muscle_bridge.emulation.bus import Served

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fastswing_planner.arrays import BoolVector, Vector, frozen, unique_known
-from fastswing_planner.errors import InvalidRequest
-from fastswing_planner.lifecycle.parameters import InvalidParameter
+from fastswing_planner.errors import InvalidParameter, InvalidRequest
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import Fault, StateFrame
 from musashi_muscle_bridge.emulation.boards import Boards

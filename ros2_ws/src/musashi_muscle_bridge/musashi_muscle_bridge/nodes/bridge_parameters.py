@@ -4,7 +4,7 @@ from fastswing_planner.errors import InvalidLimit
 from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.real_time import prevent_core_sleep
-from musashi_muscle_bridge.buses.bus import BUS_URL
+from musashi_muscle_bridge.nodes.bus_parameters import BUS_URL
 
 _WATCHDOG_PERIODS = 3
 TABLE = (

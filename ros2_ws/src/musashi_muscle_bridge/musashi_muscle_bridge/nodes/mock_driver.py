@@ -17,7 +17,7 @@ from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
-from musashi_muscle_bridge.buses.bus import BUS_URL, group_urls, open_all, open_board_port
+from musashi_muscle_bridge.buses.bus import group_urls, open_all, open_board_port
 from musashi_muscle_bridge.emulation.board_link import BoardLink
 from musashi_muscle_bridge.emulation.board_log import BoardLog
 from musashi_muscle_bridge.emulation.bus import EmulatedBus, Served
@@ -27,6 +27,7 @@ from musashi_muscle_bridge.emulation.injected_faults import (
     FaultyBoards,
     chosen_muscles,
 )
+from musashi_muscle_bridge.nodes.bus_parameters import BUS_URL
 
 _IDLE_SEC = 0.002
 # After a stall of this machine the plant catches up in slices, taking the frames that waited

@@ -15,9 +15,9 @@ from fastswing_planner.conversion.states import (
     MuscleStateReader,
     RejectionCounter,
 )
-from fastswing_planner.errors import InvalidRequest
+from fastswing_planner.errors import InvalidParameter, InvalidRequest
 from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
-from fastswing_planner.lifecycle.parameters import InvalidParameter, Parameter
+from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
 from musashi_muscle_bridge.arm_view.markers import ArmMarkers

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fastswing_planner.lifecycle.parameters import InvalidParameter
+from fastswing_planner.errors import InvalidParameter
 from fastswing_planner.robot.description import Robot
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW, CommandFrame, Mode, WatchdogAction
 from musashi_muscle_bridge.emulation.board_log import BoardLog
