@@ -24,7 +24,7 @@ from fastswing_msgs.msg import MuscleState
 from fastswing_planner.robot.path import MUSASHI
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -156,7 +156,7 @@ def test_an_installed_interface_tells_its_units() -> None:
 @pytest.fixture(scope="module")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator["Suite"]:
     """Start what the README starts on the robot; the mock driver stands for the boards."""
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path_factory.mktemp("robot"))
     try:

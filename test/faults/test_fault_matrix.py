@@ -18,7 +18,7 @@ from injections import NotPossible
 from outcome import Outcome, carry_out
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

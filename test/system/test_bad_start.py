@@ -20,7 +20,7 @@ from musashi_muscle_bridge.buses.udp_bus import UdpBoardPort
 from test.system.other_arms import TWO_LINK_ARM
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

@@ -19,7 +19,7 @@ from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 
@@ -92,7 +92,7 @@ def holds(pid: int, file: Path) -> bool:
 
 @pytest.fixture(scope="module")
 def inhibitor(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path_factory.mktemp("inhibitor"))
     try:

@@ -21,7 +21,7 @@ from fastswing_planner.robot.description import Robot
 from test.system.launch_rehearsal import LaunchError, Program, programs
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 LAUNCH = Path(get_package_share_directory("musashi_muscle_bridge")) / "launch"
 FILES = sorted(path.name for path in LAUNCH.glob("*.launch.xml"))
@@ -44,7 +44,7 @@ VALUES = {"bus_url": "udp://192.0.2.1:48800", "bag": "run.mcap"}
 
 @pytest.fixture
 def left(tmp_path: Path) -> Iterator["Suite"]:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path, "/left")
     yield suite

@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 from fastswing_msgs.msg import MuscleState
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

@@ -15,7 +15,7 @@ from fastswing_msgs.msg import MuscleState
 from test.system.pseudo_terminal import PseudoTerminal
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

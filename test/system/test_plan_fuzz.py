@@ -20,7 +20,7 @@ from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.conversion.error_codes import error_name
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

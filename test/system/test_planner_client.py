@@ -37,7 +37,7 @@ from fastswing_planner.planning.swing import SwingSettings
 from fastswing_planner.robot.muscle_model import Payload
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

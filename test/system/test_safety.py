@@ -17,7 +17,7 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, LengthCommand, MuscleState
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

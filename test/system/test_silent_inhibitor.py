@@ -11,7 +11,7 @@ from fastswing_msgs.msg import ErrorCode, InhibitionStatus, SwingOptions
 from fastswing_msgs.srv import ArmInhibitor
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 
@@ -56,7 +56,7 @@ class FeignedInhibitor:
 
 @pytest.fixture(scope="module")
 def feigned(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FeignedInhibitor]:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path_factory.mktemp("feigned"))
     try:

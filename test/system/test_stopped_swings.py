@@ -26,7 +26,7 @@ from fastswing_msgs.msg import (
 from fastswing_planner.execution.settings import Phase
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 
@@ -71,7 +71,7 @@ class Watched:
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
     """Start everything that a swing needs."""
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path_factory.mktemp("watched"))
     try:

@@ -12,7 +12,7 @@ from processes import executable, isolated_environment
 from fastswing_msgs.msg import MuscleState
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

@@ -7,7 +7,7 @@ import pytest
 from fastswing_msgs.msg import ErrorCode, SwingOptions
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

@@ -18,7 +18,7 @@ from fastswing_msgs.msg import MuscleState
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 pytestmark = pytest.mark.system
 

@@ -5,17 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import settings
 from numpy.typing import ArrayLike
 
 from fastswing_planner.arrays import Matrix, Vector, frozen
 from fastswing_planner.errors import UnknownName
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
-
-# The machine may be busy: time is no claim of these tests, and their inputs are the same each run.
-settings.register_profile("laws", deadline=None, max_examples=60, derandomize=True)
-settings.load_profile("laws")
 
 DESCRIPTION = "musashi_muscle_bridge/description/musashi_left_arm.yaml"
 
