@@ -51,8 +51,6 @@ RUN_BY = {
     "make fit": "test_fits.py::test_the_arm_that_is_written_is_reported_beside_the_paper",
     # This run.
     "make test": "test_make_test_runs_pytest",
-    "ros2 interface show": "test_an_installed_interface_tells_its_units",
-    "ros2 param describe": "test_a_parameter_describes_itself",
     # What it would install; it is not here.
     "rosdep install": "test_packages.py::test_every_module_that_is_imported_is_declared",
     "ros2 run": "test_ros2_run.py::test_it_becomes_the_executable_with_its_arguments_and_exit_code",
