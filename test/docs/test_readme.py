@@ -17,10 +17,12 @@ PACKAGES = ("fastswing_inhibitor", "fastswing_planner", "musashi_muscle_bridge")
 README = (ROOT / "README.md").read_text()
 INTERFACES = (ROOT / "docs/interfaces.md").read_text()
 RECOVERY = (ROOT / "docs/recovery.md").read_text()
+SOURCES = ROOT / "ros2_ws/src"
 NODE_SOURCES = {
-    path.name.removesuffix("_node.py"): path.read_text()
+    path.stem.removesuffix("_node"): path.read_text()
     for package in PACKAGES
-    for path in (ROOT / "ros2_ws/src" / package / package).glob("*_node.py")
+    for pattern in ("nodes/*.py", "*_node.py")
+    for path in (SOURCES / package / package).glob(pattern)
 }
 EXAMPLE_SEC = 90.0
 
@@ -117,15 +119,15 @@ def test_the_table_of_topics_names_what_is_recorded_or_shown_with_its_type() -> 
 
 
 def test_every_topic_is_published_or_subscribed_by_a_node() -> None:
-    links = (ROOT / "ros2_ws/src/fastswing_planner/fastswing_planner/executor_links.py").read_text()
-    sources = "\n".join([links, *(t for name, t in NODE_SOURCES.items() if name != "record")])
+    recording = ("recorder", "recorded_topics")
+    sources = "\n".join(t for name, t in NODE_SOURCES.items() if name not in recording)
     for topic, kind, _, _ in table("topic"):
         assert f'"{code(topic)}"' in sources
         assert interface(code(kind), "msg")
 
 
 def test_every_service_and_action_is_offered_by_the_node_named() -> None:
-    offered = {"planner": "planner", "swing executor": "executor"}
+    offered = {"swing executor": "swing_executor"}
     for name, kind, node, _ in table("service or action"):
         assert f'"{code(name)}"' in NODE_SOURCES[offered.get(node, node)], name
         assert interface(code(kind), "action" if "(action)" in name else "srv")
@@ -166,7 +168,9 @@ def test_every_make_target_named_exists() -> None:
 
 def test_every_file_named_exists() -> None:
     linked = re.findall(r"\]\(([^)#]+)[^)]*\)", README)
-    mentioned = re.findall(r"`((?:demo|docs|fit|ros2_ws/src|scripts)/[\w/.]+)`", README)
+    mentioned = re.findall(
+        r"`((?:demo|docs|fit|ros2_ws/src|scripts)/[\w/.]+)`", README + INTERFACES
+    )
     assert linked
     assert mentioned
     for path in [*linked, *mentioned]:
