@@ -28,7 +28,7 @@ EXAMPLE_SEC = 90.0
 
 
 def table(first_heading: str) -> list[list[str]]:
-    """Return the cells of the table of interfaces that begins with this heading, without its head."""
+    """Return the cells of the table of interfaces with this first heading, without its head."""
     lines = INTERFACES.splitlines()
     (start,) = (
         number for number, line in enumerate(lines) if line.startswith(f"| {first_heading} |")

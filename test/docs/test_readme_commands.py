@@ -53,7 +53,9 @@ RUN_BY = {
     "make test": "test_make_test_runs_pytest",
     # What it would install; it is not here.
     "rosdep install": "house/test_packages.py::test_every_module_that_is_imported_is_declared",
-    "ros2 run": "house/test_ros2_run.py::test_it_becomes_the_executable_with_its_arguments_and_exit_code",
+    "ros2 run": (
+        "house/test_ros2_run.py::test_it_becomes_the_executable_with_its_arguments_and_exit_code"
+    ),
     "source scripts/ros_env.bash": "test_the_environment_has_the_packages",
     PLAN: "test_plan_prints_what_the_readme_shows",
     LAUNCH: "test_the_launched_bridge_holds_the_arm",
