@@ -75,7 +75,6 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
         stop_all([planner])
 
 
-@pytest.mark.system
 def test_the_python_example_plans_method_2_and_masks_the_biceps(
     environment: dict[str, str],
 ) -> None:

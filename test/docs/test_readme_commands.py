@@ -186,12 +186,10 @@ def call(suite: "Suite", command: str) -> Any:
     return suite.ask(service, name, service.Request())
 
 
-@pytest.mark.system
 def test_the_launched_bridge_holds_the_arm(robot: "Suite") -> None:
     robot.wait_for_modes(MuscleState.MODE_LENGTH)
 
 
-@pytest.mark.system
 def test_a_parameter_describes_itself(robot: "Suite") -> None:
     request = DescribeParameters.Request(names=["watchdog_timeout"])
     (row,) = robot.ask(DescribeParameters, "/bridge/describe_parameters", request).descriptors
@@ -199,7 +197,6 @@ def test_a_parameter_describes_itself(robot: "Suite") -> None:
     assert re.search(r"\d.* s", row.additional_constraints)
 
 
-@pytest.mark.system
 def test_the_stops_do_what_the_table_says(robot: "Suite") -> None:
     assert call(robot, CALL.format("/emergency_stop")).success
     robot.wait_for_modes(MuscleState.MODE_ZERO_CURRENT)
@@ -210,7 +207,6 @@ def test_the_stops_do_what_the_table_says(robot: "Suite") -> None:
     robot.until("the hold", lambda: robot.fresh_muscles().holds > before)
 
 
-@pytest.mark.system
 def test_a_wire_breaks_when_the_parameter_is_set(robot: "Suite") -> None:
     *_, node, name, value = shlex.split(BREAK_A_WIRE)
     setting = Parameter(name, value=yaml.safe_load(value)).to_parameter_msg()
@@ -221,7 +217,6 @@ def test_a_wire_breaks_when_the_parameter_is_set(robot: "Suite") -> None:
     robot.until("a slack wire", lambda: robot.fresh_muscles().tension[biceps] == 0.0)
 
 
-@pytest.mark.system
 def test_a_single_node_starts(world: "Suite", tmp_path: Path) -> None:
     _, _, package, name, *arguments = shlex.split(filled(BRIDGE, world))
     environment = isolated_environment(world.domain)
