@@ -50,7 +50,7 @@ RUN_BY = {
     # Fitting takes minutes; what the program judges and reports is tried.
     "make fit": "fit/test_fits.py::test_the_arm_that_is_written_is_reported_beside_the_paper",
     # This run.
-    "make test": "test_make_test_runs_pytest",
+    "make test": "test_make_test_runs_all_tests",
     # What it would install; it is not here.
     "rosdep install": "house/test_packages.py::test_every_module_that_is_imported_is_declared",
     "ros2 run": (
@@ -110,8 +110,8 @@ def test_a_make_target_starts_the_program_that_its_test_runs(target: str) -> Non
     assert Path(program).stem in (ROOT / "test" / file).read_text()
 
 
-def test_make_test_runs_pytest() -> None:
-    assert "scripts/ros_env python -m pytest" in dry_run("test")
+def test_make_test_runs_all_tests() -> None:
+    assert "scripts/ros_env python scripts/run_tests.py all" in dry_run("test")
 
 
 def test_a_clone_has_the_commands(tmp_path: Path) -> None:
