@@ -27,7 +27,8 @@ from rclpy.serialization import deserialize_message
 from rounds import Row
 
 from fastswing_msgs.msg import CurrentOverride, MuscleState
-from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
+from fastswing_planner.conversion.message_template import MessageTemplate
+from fastswing_planner.conversion.number_places import STAMP
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.buses.protocol import COMMAND_ROW

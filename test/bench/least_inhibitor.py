@@ -17,7 +17,9 @@ from rclpy.task import Future
 from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import CurrentOverride
-from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate, RawReader
+from fastswing_planner.conversion.message_template import MessageTemplate
+from fastswing_planner.conversion.number_places import STAMP
+from fastswing_planner.conversion.raw_reader import RawReader
 from fastswing_planner.conversion.states import JointStateReader
 from fastswing_planner.lifecycle.real_time import keep_what_there_is, tighten_timers
 from fastswing_planner.robot.description import load_robot

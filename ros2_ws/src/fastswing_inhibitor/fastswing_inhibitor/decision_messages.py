@@ -14,7 +14,8 @@ from std_msgs.msg import Header
 from fastswing_inhibitor.inhibition import Decision, Inhibition
 from fastswing_inhibitor.latency_histogram import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus
-from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
+from fastswing_planner.conversion.message_template import MessageTemplate
+from fastswing_planner.conversion.number_places import STAMP
 
 KEPT_TEMPLATES = 64
 """Sets of inhibited muscles; a swing has a few."""

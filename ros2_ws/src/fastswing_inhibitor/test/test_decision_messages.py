@@ -16,7 +16,7 @@ from fastswing_inhibitor.decision_messages import (
 from fastswing_inhibitor.inhibition import Decision, Reason
 from fastswing_inhibitor.latency_histogram import LatencyHistogram
 from fastswing_msgs.msg import CurrentOverride
-from fastswing_planner.conversion.raw_messages import MessageTemplate
+from fastswing_planner.conversion.message_template import MessageTemplate
 
 LEASE = Duration(nanosec=50_000_000)
 

@@ -108,7 +108,7 @@ class PlannerClient:
         deadline = time.monotonic() + timeout
         self._spin_until(self._client.service_is_ready, deadline)
         asked: list[Future] = []
-        patience = _ASK_AGAIN_SEC + 10.0 * message.options.search_time_limit
+        wait = _ASK_AGAIN_SEC + 10.0 * message.options.search_time_limit
         try:
             while not any(answer.done() for answer in asked):
                 if time.monotonic() >= deadline:
@@ -119,9 +119,9 @@ class PlannerClient:
                 # The first answer after discovery can get lost; planning twice does no harm. An
                 # earlier one may still come: the planner answers in turn.
                 asked.append(self._client.call_async(message))
-                again = min(deadline, time.monotonic() + patience)
+                again = min(deadline, time.monotonic() + wait)
                 self._spin_until(lambda: any(answer.done() for answer in asked), again)
-                patience *= 2.0
+                wait *= 2.0
             response = next(answer.result() for answer in asked if answer.done())
         finally:
             for answer in asked:

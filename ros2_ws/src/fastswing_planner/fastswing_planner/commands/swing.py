@@ -43,7 +43,7 @@ def main() -> int:
         goal = _goal(arguments, robot)
         swing = _Swing(arguments.namespace)
         try:
-            result = swing.run(goal, arguments.patience)
+            result = swing.run(goal, arguments.timeout)
         finally:
             swing.close()
     except PlannerError as error:
@@ -97,16 +97,16 @@ class _Swing:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def run(self, goal: ExecuteSwing.Goal, patience: float) -> ExecuteSwing.Result:
+    def run(self, goal: ExecuteSwing.Goal, timeout: float) -> ExecuteSwing.Result:
         """Return the result; raises NotReady if nobody takes the goal or its executor goes away."""
-        deadline = time.monotonic() + patience
+        deadline = time.monotonic() + timeout
         while not self._client.server_is_ready():
             self._spin(Future())
             if self._interrupted:
                 raise NotReady("interrupted before anything was asked for")
             if time.monotonic() > deadline:
                 raise NotReady(
-                    f"no execute_swing for {patience:g} s: are the nodes active, in this namespace?"
+                    f"no execute_swing for {timeout:g} s: are the nodes active, in this namespace?"
                 )
         goal.stamp = self._node.get_clock().now().to_msg()
         handle = self._answer(self._client.send_goal_async(goal, feedback_callback=self._tell))
@@ -167,5 +167,12 @@ def _parser() -> OneLineParser:
     add = parser.add_argument
     add("--namespace", default="", help="of the arm's nodes, such as left; default: none")
     add("--preempt", action="store_true", help="take the place of a swing that runs")
-    add("--patience", type=float, default=10.0, metavar="SEC", help="until the nodes are found")
+    add(
+        "--timeout",
+        "--patience",
+        type=float,
+        default=10.0,
+        metavar="SEC",
+        help="until the nodes are found",
+    )
     return parser

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from fastswing_planner.conversion.raw_messages import STAMP
+from fastswing_planner.conversion.number_places import STAMP
 from fastswing_planner.errors import NotFinite, PlannerError, UnknownName, WrongLength
 from fastswing_planner.execution.measurements import JointMeasurement, MuscleMeasurement
 

@@ -4,30 +4,30 @@ import os
 import time
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from difflib import get_close_matches
 from typing import Any
 
 import rclpy
 from builtin_interfaces.msg import Time as Stamp
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.msg import SetParametersResult
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, State, TransitionCallbackReturn
 from rclpy.parameter import Parameter as RosParameter
 
 from fastswing_planner.cdr.stamps import age_sec, from_ns, to_ns
-from fastswing_planner.errors import InvalidParameter, PlannerError
 from fastswing_planner.lifecycle.common_parameters import AUTOSTART, EVERY_NODE
+from fastswing_planner.lifecycle.declaration import declare, judged
+from fastswing_planner.lifecycle.diagnostics import DiagnosticsPublisher, Health
 from fastswing_planner.lifecycle.parameters import Parameter, check_all
 from fastswing_planner.lifecycle.real_time import (
     ask_for_real_time,
     keep_what_there_is,
 )
+from fastswing_planner.lifecycle.transitions import attempt
 
 # Nodes draw nothing, and MuJoCo's window library costs a quarter of their start.
 os.environ.setdefault("MUJOCO_GL", "disable")
-_NEARLY = 0.8  # of difflib's similarity; parameters of different nodes are below
 _DIAGNOSTICS_PERIOD_SEC = 1.0
 
 
@@ -51,26 +51,13 @@ class ManagedNode(LifecycleNode):
         self.asked_to_end: Callable[[], bool] = lambda: False
         self._configured = False
         self._table = (*EVERY_NODE, *table)
-        self._not_granted: dict[str, bool] = {}  # whether somebody asked for it
-        self._callback_errors = 0
-        for row in self._table:
-            self.declare_parameter(
-                row.name,
-                row.default,
-                ParameterDescriptor(
-                    description=row.description,
-                    additional_constraints=row.range_text,
-                    # An empty list has no element that tells its type; `Parameter.check` does.
-                    dynamic_typing=isinstance(row.default, list),
-                ),
-            )
-        self._judge_names()
+        self._health = Health()
+        declare(self, self._table)
         self.add_on_set_parameters_callback(self._judge_parameters)
         self.add_post_set_parameters_callback(self.guarded(self._apply_parameters))
         self._steady_clock = Clock(clock_type=ClockType.STEADY_TIME)
         self._now = self.get_clock().handle.get_now
-        self._listeners = 0
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._diagnostics = DiagnosticsPublisher(self)
         self._diagnostics_timer = self.create_steady_timer(
             _DIAGNOSTICS_PERIOD_SEC, self.publish_diagnostics
         )
@@ -110,37 +97,8 @@ class ManagedNode(LifecycleNode):
             self._table, {row.name: self.get_parameter(row.name).value for row in self._table}
         )
 
-    def _judge_names(self) -> None:
-        """Refuse what is misspelt: `read_ony` must not energise the arm.
-
-        Other unknown names are no error in ROS: one file may serve all nodes.
-        """
-        known = [row.name for row in self._table]
-        for name in self._parameter_overrides:  # rclpy offers no public way to see them
-            if self.has_parameter(name) or name.startswith("qos_overrides."):
-                continue
-            if close := get_close_matches(name, known, 1, _NEARLY):
-                raise InvalidParameter(f"unknown parameter '{name}', did you mean '{close[0]}'?")
-            self.get_logger().warning(
-                f"unknown parameter '{name}' is ignored, choose from: {', '.join(known)}"
-            )
-
     def _judge_parameters(self, changes: list[RosParameter]) -> SetParametersResult:
-        rows = {row.name: row for row in self._table}
-        for change in changes:
-            row = rows.get(change.name)
-            if row is None:
-                continue
-            try:
-                value = row.check(change.value)
-                if self._configured:
-                    self.judge_parameter(row.name, value)
-            except PlannerError as error:
-                return SetParametersResult(successful=False, reason=str(error))
-            if row.read_only and self._configured:
-                reason = f"{row.name} takes effect at configuration: deactivate and clean up first"
-                return SetParametersResult(successful=False, reason=reason)
-        return SetParametersResult(successful=True)
+        return judged(self._table, changes, self.judge_parameter if self._configured else None)
 
     def _apply_parameters(self, _changes: list[RosParameter]) -> None:
         if self._configured:
@@ -201,7 +159,7 @@ class ManagedNode(LifecycleNode):
     def _configure(self) -> None:
         values = self.parameter_values()
         # First, so that the threads and processes that `configure` starts inherit it.
-        self._not_granted = {}
+        self._health.forget_refusals()
         for text in ask_for_real_time(values["realtime_priority"], values["cpu_affinity"]):
             self.tell_refusal(text)
         self.configure(values)
@@ -211,20 +169,11 @@ class ManagedNode(LifecycleNode):
 
         asked  somebody relies on it; else diagnostics name it and stay at their level
         """
-        if text not in self._not_granted:
-            self._not_granted[text] = asked
+        if self._health.refused(text, asked):
             self.get_logger().warning(text)
 
     def _transition(self, verb: str, action: Callable[[], None]) -> TransitionCallbackReturn:
-        try:
-            action()
-        except PlannerError as error:
-            self.get_logger().error(f"cannot {verb}: {error}")
-            return TransitionCallbackReturn.FAILURE
-        except Exception:
-            self.get_logger().error(f"cannot {verb}:\n{traceback.format_exc()}")
-            return TransitionCallbackReturn.ERROR
-        return TransitionCallbackReturn.SUCCESS
+        return attempt(verb, action, self.get_logger())
 
     def autostart(self) -> bool:
         """Configure and activate if the parameter says so; False if that failed."""
@@ -245,7 +194,7 @@ class ManagedNode(LifecycleNode):
             try:
                 return callback(*arguments)
             except Exception:
-                self._callback_errors += 1
+                self._health.callback_errors += 1
                 self.get_logger().error(
                     f"defect in {callback.__qualname__}:\n{traceback.format_exc()}",
                     throttle_duration_sec=1.0,
@@ -286,35 +235,10 @@ class ManagedNode(LifecycleNode):
 
     def publish_diagnostics(self) -> None:
         """Publish this node's status in the standard form."""
-        level, summary, values = self.diagnose()
-        if self._callback_errors:
-            defect = "defect in a callback, see the log"
-            # What the node says of the robot is more urgent than what is wrong with the node.
-            summary = defect if level == DiagnosticStatus.OK else f"{summary}; {defect}"
-            level = DiagnosticStatus.ERROR
-        elif any(self._not_granted.values()) and level == DiagnosticStatus.OK:
-            refused = (text for text, asked in self._not_granted.items() if asked)
-            level, summary = DiagnosticStatus.WARN, "; ".join(refused)
-        values = {
-            "active": self.is_active,
-            "callback_errors": self._callback_errors,
-            "not_granted": "; ".join(self._not_granted),
-            **values,
-        }
-        status = DiagnosticStatus(
-            level=level,
-            name=self.get_fully_qualified_name().lstrip("/"),
-            message=summary,
-            hardware_id="",
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
-        message = DiagnosticArray(status=[status])
-        message.header.stamp = self.stamp()
-        self._diagnostics.publish(message)
+        report = self._health.within(self.diagnose(), self.is_active)
+        self._diagnostics.publish(report, self.stamp())
 
     def greet_listeners(self) -> None:
         """Publish diagnostics for who began to listen since the last call."""
-        listeners = self._diagnostics.get_subscription_count()
-        if listeners > self._listeners:
+        if self._diagnostics.has_new_listener():
             self.publish_diagnostics()
-        self._listeners = listeners

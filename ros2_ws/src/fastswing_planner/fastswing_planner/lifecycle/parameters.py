@@ -2,11 +2,14 @@
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any
 
 from fastswing_planner.errors import InvalidParameter
+
+_NEARLY = 0.8  # of difflib's similarity; parameters of different nodes are below
 
 
 @dataclass(frozen=True)
@@ -74,3 +77,29 @@ class Parameter:
 def check_all(table: Sequence[Parameter], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the checked values of a whole table; raises InvalidParameter for the first wrong."""
     return {row.name: row.check(values[row.name]) for row in table}
+
+
+def check_change(row: Parameter, value: Any, judge: Callable[[str, Any], None] | None) -> None:
+    """Raise InvalidParameter, or what `judge` raises, if a parameter may not become `value`.
+
+    judge  gets name and checked value, and knows the robot; None while the node is not configured,
+           when every valid value is accepted
+    """
+    checked = row.check(value)
+    if judge is None:
+        return
+    judge(row.name, checked)
+    if row.read_only:
+        raise InvalidParameter(
+            f"{row.name} takes effect at configuration: deactivate and clean up first"
+        )
+
+
+def unknown_name_text(name: str, known: Sequence[str]) -> str:
+    """Return the warning that a parameter is ignored; raises InvalidParameter if it is misspelt.
+
+    known  names of the node's parameters; `name` is none of them
+    """
+    if close := get_close_matches(name, known, 1, _NEARLY):
+        raise InvalidParameter(f"unknown parameter '{name}', did you mean '{close[0]}'?")
+    return f"unknown parameter '{name}' is ignored, choose from: {', '.join(known)}"

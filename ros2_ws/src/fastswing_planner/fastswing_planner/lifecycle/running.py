@@ -1,6 +1,5 @@
 """Runs a node as a process, from its first word to its last."""
 
-import os
 import signal
 import sys
 from collections.abc import Callable
@@ -13,10 +12,8 @@ from rclpy.task import Future
 
 from fastswing_planner.lifecycle.managed_node import ManagedNode
 from fastswing_planner.lifecycle.real_time import tighten_timers
+from fastswing_planner.lifecycle.transport import choose_transport
 
-# Fast DDS's shared memory makes a node that follows a killed one deaf now and then: others
-# take its port for the dead one's and remove it, and no emergency stop arrives any more.
-_TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 _OFTEN_SEC = 0.1
 _SPIN_SLICE_SEC = 3600.0
 _LAST_WORDS_SEC = 0.2
@@ -47,7 +44,7 @@ def run(node_class: Callable[[], ManagedNode]) -> int:
 
     signal.signal(signal.SIGINT, on_signal)
     signal.signal(signal.SIGTERM, on_signal)
-    os.environ.setdefault(*_TRANSPORT)
+    choose_transport()
     tighten_timers()  # before the middleware's threads, which inherit it
     try:
         # The context must outlive the signal, so that a node can publish its last word.

@@ -19,7 +19,7 @@ from rclpy.validate_topic_name import validate_topic_name
 
 from fastswing_planner.bags.folder import BagFolder, check_folder
 from fastswing_planner.bags.metadata import BagTopic
-from fastswing_planner.bags.writer import COMPRESSIONS, BagWriter, check_path
+from fastswing_planner.bags.writer import BagWriter, check_path
 from fastswing_planner.conversion.definitions import (
     definition_text,
     split_type_name,
@@ -27,65 +27,16 @@ from fastswing_planner.conversion.definitions import (
 )
 from fastswing_planner.errors import BagError, DuplicateName, InvalidParameter, UnknownName
 from fastswing_planner.lifecycle.managed_node import ManagedNode
-from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.nodes.recorded_topics import (
     QUEUE_DEPTH,
-    TYPES,
     RecordedTopic,
     message_class,
     offered_qos,
     parse,
     qos_for,
 )
-
-TABLE = (
-    Parameter(
-        "output",
-        "",
-        "The new .mcap file; any other name is that of a new folder with files and metadata.yaml. "
-        "What exists is never overwritten.",
-    ),
-    Parameter(
-        "topics",
-        [*(name for name in TYPES if name != "diagnostics"), "/diagnostics"],
-        "What is recorded: names of the suite's topics, in any namespace, or 'NAME TYPE'.",
-    ),
-    Parameter(
-        "compression",
-        "zstd",
-        "Of each chunk. zstd halves the file, none costs the least time.",
-        choices=tuple(COMPRESSIONS),
-    ),
-    Parameter(
-        "chunk_size",
-        256 * 1024,
-        "A chunk is written when it is larger. What is not written is lost when the recorder is "
-        "killed.",
-        "bytes",
-        1024,
-        2**26,
-    ),
-    Parameter(
-        "split_size",
-        0,
-        "A folder's next file begins when a file is as large; 0: never.",
-        "bytes",
-        0,
-        2**50,
-    ),
-    Parameter(
-        "split_duration",
-        0.0,
-        "A folder's next file begins as long after a file's first message; 0: never.",
-        "s",
-        0.0,
-        1e6,
-    ),
-    Parameter(
-        "flush_period", 0.5, "A chunk is written at the latest after this time.", "s", 0.01, 60.0
-    ),
-)
+from fastswing_planner.nodes.recorder_parameters import TABLE
 
 
 class WithInfo:

@@ -14,166 +14,29 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import InhibitionStatus, LengthCommand, MuscleState
 from fastswing_planner.cdr.stamps import to_ns
 from fastswing_planner.conversion.error_codes import error_code
-from fastswing_planner.conversion.raw_messages import RawReader
-from fastswing_planner.conversion.states import (
-    JointStateReader,
-    MuscleStateReader,
-    RejectionCounter,
-)
 from fastswing_planner.errors import (
     Busy,
     Canceled,
-    InvalidRequest,
     PlannerError,
     Preempted,
     SwingAborted,
     SwingNotReady,
 )
-from fastswing_planner.execution.measurements import (
-    InhibitionReport,
-    JointMeasurement,
-    MuscleMeasurement,
-)
+from fastswing_planner.execution.measurements import InhibitionReport
 from fastswing_planner.execution.rest import RestWatch
-from fastswing_planner.execution.settings import ExecutionSettings
-from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.managed_node import ManagedNode
-from fastswing_planner.lifecycle.parameters import Parameter
-from fastswing_planner.lifecycle.request_age import REQUEST_MAX_AGE, check_request_stamp
+from fastswing_planner.lifecycle.request_age import check_request_stamp
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.nodes.executor_links import ExecutorLinks
+from fastswing_planner.nodes.executor_parameters import TABLE, settings_from
+from fastswing_planner.nodes.executor_states import ExecutorStates
 from fastswing_planner.nodes.swing_goal import SwingContext, SwingGoal
 from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.robot.description import load_robot
 
-_DEFAULTS = ExecutionSettings()
 _RESULT_KEPT_SEC = 60
 """For clients that ask late; each result holds a plan of 40 kB."""
-
-
-def _setting(name: str, unit: str, low: float, high: float, description: str) -> Parameter:
-    return Parameter(name, getattr(_DEFAULTS, name), description, unit, low, high)
-
-
-TABLE = (
-    ROBOT_DESCRIPTION,
-    REQUEST_MAX_AGE,
-    Parameter(
-        "rate",
-        100.0,
-        "How often the way of the arm is judged and length commands are sent: on the way to the "
-        "start each one is a small step.",
-        "Hz",
-        10.0,
-        1000.0,
-    ),
-    Parameter(
-        "service_timeout",
-        2.0,
-        "Longest wait for the planner and the inhibitor; then the swing is refused or the arm "
-        "held.",
-        "s",
-        0.1,
-        60.0,
-    ),
-    _setting(
-        "raise_speed",
-        "rad/s",
-        0.05,
-        3.0,
-        "Largest joint speed on the way to the start; slower is gentler to whatever is in the way.",
-    ),
-    _setting(
-        "elongate_speed",
-        "m/s",
-        0.005,
-        0.3,
-        "Speed of paying Method 2's muscles out before the swing.",
-    ),
-    _setting(
-        "start_tolerance",
-        "rad",
-        0.005,
-        0.5,
-        "The swing begins only this near to the start posture, by the norm over all joints.",
-    ),
-    _setting(
-        "rest_speed",
-        "rad/s",
-        0.01,
-        1.0,
-        "Joints slower than this rest. The arm is raised, and swings, only from rest.",
-    ),
-    _setting(
-        "rest_time",
-        "s",
-        0.02,
-        5.0,
-        "How long the arm must rest before the swing; longer lets ringing of the raise die away.",
-    ),
-    _setting(
-        "arrival_tolerance",
-        "rad",
-        0.005,
-        0.5,
-        "The swing has arrived this near to the end posture, by the norm over all joints; then it "
-        "only has to rest.",
-    ),
-    _setting(
-        "raise_limit",
-        "s",
-        0.5,
-        300.0,
-        "Longest way to the start posture; a longer one is refused before anything moves.",
-    ),
-    _setting(
-        "elongate_limit",
-        "s",
-        0.2,
-        60.0,
-        "Longest time of paying out; a longer one is refused before anything moves.",
-    ),
-    _setting(
-        "settle_limit",
-        "s",
-        0.5,
-        60.0,
-        "Longest wait for the arm to rest before the raise, and for rest at the start posture and "
-        "the inhibitor before the swing.",
-    ),
-    _setting(
-        "swing_limit",
-        "s",
-        0.2,
-        10.0,
-        "Longest swing; then the arm is held where it is. The inhibitor is armed for 0.5 s more, "
-        "so keep this 0.5 s below its max_time_limit.",
-    ),
-    _setting(
-        "recover_time",
-        "s",
-        0.1,
-        10.0,
-        "How long the arm is held at the end before the swing is done.",
-    ),
-    _setting(
-        "recover_limit",
-        "s",
-        0.2,
-        60.0,
-        "Longest wait for rest at the end posture, recover_time included; then the swing has "
-        "failed and the arm is held.",
-    ),
-    _setting(
-        "state_timeout",
-        "s",
-        0.02,
-        2.0,
-        "Older measurements, a longer stall of this node or a longer silence of the inhibitor stop "
-        "the swing and hold the arm. Longer forgives stalls, and moves an unseen arm for as long.",
-    ),
-)
 
 
 class ExecutorNode(ManagedNode):
@@ -182,7 +45,7 @@ class ExecutorNode(ManagedNode):
     def __init__(self) -> None:
         """Declare parameters."""
         super().__init__("swing_executor", TABLE)
-        self._rejected = RejectionCounter()
+        self._states = ExecutorStates(self._made)
         self._goal: SwingGoal | None = None
         self._next: SwingGoal | None = None
         self._outcomes: dict[str, int] = {}
@@ -190,18 +53,11 @@ class ExecutorNode(ManagedNode):
     def configure(self, parameters: Mapping[str, Any]) -> None:
         """Load the robot, and create the action; it refuses goals until the node is active."""
         self._robot = load_robot(parameters["robot_description"])
-        self._execution_settings = ExecutionSettings(
-            **{name: parameters[name] for name in vars(_DEFAULTS)}
-        )
+        self._execution_settings = settings_from(parameters)
         self._service_timeout: float = parameters["service_timeout"]
         self._request_max_age: float = parameters["request_max_age"]
         self._period = 1.0 / parameters["rate"]
-        self._joint_reader = JointStateReader(self._robot.model.joint_names)
-        self._muscle_reader = MuscleStateReader(self._robot.model.muscle_names)
-        self._raw_joints = RawReader(JointState, JointStateReader.NUMBERS)
-        self._raw_muscles = RawReader(MuscleState, MuscleStateReader.NUMBERS)
-        self._joints: JointMeasurement | None = None
-        self._muscles: MuscleMeasurement | None = None
+        self._states.expect(self._robot.model)
         self._links = ExecutorLinks(self)
         # Not in `activate`: a goal that ends with a deactivation still has to get its result.
         self._server = ActionServer(
@@ -266,26 +122,18 @@ class ExecutorNode(ManagedNode):
 
     # Measurements.
 
-    def _on_joints(self, received: JointState | bytes) -> None:
-        try:
-            message = self._raw_joints.read(received)
-            self._joints = self._joint_reader.read(message, self._made(message))
-        except InvalidRequest as error:
-            self._rejected.count(error)
+    def _on_joints(self, received: bytes) -> None:
+        joints = self._states.read_joints(received)
+        if joints is None:
             return
-        self._rest.add(self._joints.time, self._joints.velocity)
+        self._rest.add(joints.time, joints.velocity)
         if self._goal is not None:
-            self._goal.add_joints(self._joints)
+            self._goal.add_joints(joints)
 
-    def _on_muscles(self, received: MuscleState | bytes) -> None:
-        try:
-            message = self._raw_muscles.read(received)
-            self._muscles = self._muscle_reader.read(message, self._made(message))
-        except InvalidRequest as error:
-            self._rejected.count(error)
-            return
-        if self._goal is not None:
-            self._goal.add_muscles(self._muscles)
+    def _on_muscles(self, received: bytes) -> None:
+        muscles = self._states.read_muscles(received)
+        if muscles is not None and self._goal is not None:
+            self._goal.add_muscles(muscles)
 
     def _on_inhibition(self, message: InhibitionStatus) -> None:
         if self._goal is not None:
@@ -358,7 +206,7 @@ class ExecutorNode(ManagedNode):
                 self._finish(goal)
             return
         try:
-            if goal.step(now, self._joints, self._muscles):
+            if goal.step(now, self._states.joints, self._states.muscles):
                 self._finish(goal)
         except PlannerError as error:
             goal.stop(error, now)
@@ -395,13 +243,11 @@ class ExecutorNode(ManagedNode):
         if self._goal is not None and self._goal.stopping:
             phase = "stopping"
         values: dict[str, object] = {"phase": phase}
-        for what, state in (("joint", self._joints), ("muscle", self._muscles)):
-            if state is not None:
-                values[f"{what}_state_age_ms"] = f"{1e3 * (self.monotonic() - state.time):.1f}"
+        values |= self._states.ages(self.monotonic())
         values |= {f"ended_{name}": count for name, count in self._outcomes.items()}
-        values |= self._rejected.counts
-        if self._rejected.last:
-            return DiagnosticStatus.WARN, f"rejected: {self._rejected.last}", values
+        values |= self._states.rejected.counts
+        if self._states.rejected.last:
+            return DiagnosticStatus.WARN, f"rejected: {self._states.rejected.last}", values
         return DiagnosticStatus.OK, "ok", values
 
 

@@ -1,7 +1,6 @@
 """Guides a person through signs and length zeros: `ros2 run musashi_muscle_bridge calibrate`."""
 
 import argparse
-import os
 import signal
 import sys
 import time
@@ -24,6 +23,7 @@ from fastswing_msgs.msg import CurrentCommand, MuscleState
 from fastswing_planner.command_line import say
 from fastswing_planner.conversion.states import JointStateReader
 from fastswing_planner.errors import NotReady, PlannerError, StaleState, UnknownName
+from fastswing_planner.lifecycle.transport import choose_transport
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.calibration import (
@@ -35,8 +35,6 @@ from musashi_muscle_bridge.calibration import (
 )
 
 _SPIN_SEC = 0.005
-# As all nodes: managed_node.py says why.
-_TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 _FIRST_STATES_SEC = 10.0
 _STALE_SEC = 0.5
 _BLIND_SEC = 0.1  # of a pull; the bridge's own limits of a current hold meanwhile
@@ -230,7 +228,7 @@ def main() -> int:
     except PlannerError as error:
         print(f"calibrate: {error}", file=sys.stderr)
         return 2
-    os.environ.setdefault(*_TRANSPORT)
+    choose_transport()
     for number in (signal.SIGINT, signal.SIGTERM):
         # Also where a shell had them ignored: whoever ends this wants no muscle pulled any more.
         signal.signal(number, signal.default_int_handler)

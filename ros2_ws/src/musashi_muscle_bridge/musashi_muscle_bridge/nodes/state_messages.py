@@ -8,7 +8,8 @@ from sensor_msgs.msg import JointState
 
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.cdr.stamps import Stamp
-from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate
+from fastswing_planner.conversion.message_template import MessageTemplate
+from fastswing_planner.conversion.number_places import STAMP
 from musashi_muscle_bridge.buses.protocol import Fault
 from musashi_muscle_bridge.control.loop import Measurement
 

@@ -18,7 +18,9 @@ from std_msgs.msg import Header
 
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, MuscleState
 from fastswing_planner.conversion.definitions import definition_text
-from fastswing_planner.conversion.raw_messages import STAMP, MessageTemplate, RawReader
+from fastswing_planner.conversion.message_template import MessageTemplate
+from fastswing_planner.conversion.number_places import STAMP
+from fastswing_planner.conversion.raw_reader import RawReader
 from fastswing_planner.errors import InvalidRequest
 
 MUSCLE_NUMBERS = ("length", "velocity", "tension", "current", "temperature")
