@@ -77,10 +77,10 @@ class Calibrator:
         """Disconnect; without a stream the muscle holds."""
         self._node.destroy_node()
 
-    def fresh(self, patience: float = _STALE_SEC) -> MuscleState:
+    def fresh(self, timeout: float = _STALE_SEC) -> MuscleState:
         """Return states that were measured just now.
 
-        Raises StaleState if none come within `patience` [s], NotReady for a fault, for muscles that
+        Raises StaleState if none come within `timeout` [s], NotReady for a fault, for muscles that
         do not hold a length by then, or if somebody else commands currents.
         """
         self._states, self._seen = 0, time.monotonic()
@@ -88,10 +88,10 @@ class Calibrator:
         while (
             self._states < _SETTLE_STATES
             or self._posture is None
-            or (self._not_held() and time.monotonic() < begin + patience)
+            or (self._not_held() and time.monotonic() < begin + timeout)
         ):
             self._executor.spin_once(timeout_sec=_SPIN_SEC)
-            self._refuse_silence(patience)
+            self._refuse_silence(timeout)
         assert self._muscles is not None
         if list(self._muscles.name) != list(self._robot.model.muscle_names):
             raise UnknownName("the bridge has other muscles: set --robot to its description")
@@ -119,9 +119,9 @@ class Calibrator:
         modes = zip(self._muscles.name, self._muscles.mode, strict=True)
         return [name for name, mode in modes if mode != MuscleState.MODE_LENGTH]
 
-    def _refuse_silence(self, patience: float) -> None:
+    def _refuse_silence(self, timeout: float) -> None:
         silence = time.monotonic() - self._seen
-        if silence > patience:
+        if silence > timeout:
             raise StaleState(
                 f"no muscle_state for {silence:.1f} s: is the bridge active, do its boards answer?"
             )
