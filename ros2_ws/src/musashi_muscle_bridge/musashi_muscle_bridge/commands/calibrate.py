@@ -39,7 +39,7 @@ _SPIN_SEC = 0.005
 _TRANSPORT = ("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
 _FIRST_STATES_SEC = 10.0
 _STALE_SEC = 0.5
-_BLIND_SEC = 0.1  # of a pull; the bridge's own limits of a current hold meanwhile
+_PULL_STALE_SEC = 0.1  # the bridge's own limits of a current hold meanwhile
 _SETTLE_STATES = 20  # what waited while the person read is old
 _SKIPPED = "skipped"
 
@@ -148,7 +148,7 @@ class Calibrator:
             command = CurrentCommand(header=Header(stamp=stamp), name=[name], current=[current])
             self._commands.publish(command)
             self._executor.spin_once(timeout_sec=_SPIN_SEC)
-            self._refuse_silence(_BLIND_SEC)
+            self._refuse_silence(_PULL_STALE_SEC)
             assert self._muscles is not None
             current = pull.step(_reading(self._muscles, index))
         return pull

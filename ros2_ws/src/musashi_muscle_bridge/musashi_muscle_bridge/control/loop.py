@@ -30,7 +30,7 @@ class Measurement(NamedTuple):
     """What one period measured.
 
     state         of the whole robot; a group that did not answer shows its last measurement
-    lost          muscles whose group fell silent, shape (m,)
+    lost          muscles whose group is lost, shape (m,)
     joints_fresh  whether every group that measures joints answered in this period
     received      monotonic time [s]; of a late answer, when its command was sent
     """

@@ -85,7 +85,7 @@ class ControlPeriod:
 
     @property
     def lost(self) -> BoolVector:
-        """Muscles whose group fell silent since faults were last cleared, shape (m,)."""
+        """Muscles whose group was lost since faults were last cleared, shape (m,)."""
         return self._whole([np.full(group.muscles.size, group.lost) for group in self.groups])
 
     def clear_faults(self, now: float | None = None) -> None:
@@ -162,13 +162,13 @@ class ControlPeriod:
         tension = self._measured("tension", known)
         setpoints = self.arbiter.update(now, self._measured("length", known), tension, faulty)
         if pulls(setpoints):
-            velocity, blind = self._measured("velocity", known), self._blind(known)
-            setpoints = limited_pull(setpoints, tension, velocity, blind, self._limits)
+            velocity, stale = self._measured("velocity", known), self._stale(known)
+            setpoints = limited_pull(setpoints, tension, velocity, stale, self._limits)
         return [
             # What is known of a silent group's lengths is old: without a command its boards'
             # watchdog acts, and holds those that they measure.
             group.question(lasting=True)
-            if group.unheard and self._keeps_lost and not stop
+            if group.lost and group.silent and self._keeps_lost and not stop
             else group.command(setpoints, one)
             for group, one in zip(self.groups, release, strict=True)
         ]
@@ -178,10 +178,10 @@ class ControlPeriod:
             return states[0].rows[field]
         return self._whole([state.rows[field] for state in states])
 
-    def _blind(self, states: Sequence[StateFrame]) -> BoolVector:
+    def _stale(self, states: Sequence[StateFrame]) -> BoolVector:
         return self._whole(
             [
-                np.full(group.muscles.size, group.blind(state))
+                np.full(group.muscles.size, group.stale(state))
                 for group, state in zip(self.groups, states, strict=True)
             ]
         )
