@@ -1,6 +1,6 @@
 # Everything that is done in this repository is one of these commands; `make` alone lists them.
 .DEFAULT_GOAL := help
-.PHONY: help demo view fit faults soak bench bench-check security docs test build setup lint clean
+.PHONY: help demo view fit faults soak bench bench-check security docs unit system test build setup lint clean
 
 # What follows ## beside a target is what `make` says about it.
 help: ## this list
@@ -32,12 +32,19 @@ bench-check: build ## is a ratio worse than the last accepted one?
 security: setup ## make keys for authenticated and encrypted ROS, in keystore: SECURITY.md
 	@.venv/bin/python security/make_keystore.py $(ARGS)
 
-docs: build ## docs/parameters.md again, and the API reference; results in out/docs
+docs: build ## docs/parameters.md and the folders' picture again, and the API reference in out/docs
 	@scripts/ros_env python pages/parameter_page.py
+	@scripts/ros_env python pages/folder_picture.py
 	@scripts/ros_env python pages/api_reference.py
 
-test: build ## all tests; make test ARGS="-k ramp" for some of them
-	@scripts/ros_env python -m pytest $(ARGS)
+unit: setup ## the tests without ROS, in seconds; make unit ARGS=planning for one folder
+	@.venv/bin/python scripts/run_tests.py unit $(ARGS)
+
+system: build ## all other tests, some 20 minutes; make system ARGS=nodes for one folder
+	@scripts/ros_env python scripts/run_tests.py system $(ARGS)
+
+test: build ## both, with more inputs for each law; make test ARGS="-k ramp" for some of them
+	@scripts/ros_env python scripts/run_tests.py all $(ARGS)
 
 build: ## set up and build the workspace; the others do it by themselves
 	@python3 scripts/build_workspace.py

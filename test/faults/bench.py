@@ -23,7 +23,7 @@ from fastswing_msgs.msg import ErrorCode, MuscleState, SwingOptions
 from fastswing_planner.execution.settings import ExecutionSettings
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 NODES = ("mock_driver", "bridge", "planner", "swing_executor", "inhibitor")
 HOLD = "hold"

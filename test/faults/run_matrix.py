@@ -35,7 +35,7 @@ def main() -> int:
             "FASTSWING_FAULT_RUNS": str(arguments.runs),
             "FASTSWING_FAULT_RESULTS": str(results),
         }
-        command = [sys.executable, "-m", "pytest", str(ROOT / "test/faults"), "-q", "--reruns", "0"]
+        command = [sys.executable, "-m", "pytest", str(ROOT / "test/faults"), "-q"]
         code = subprocess.run([*command, "-k", arguments.k], env=environment, cwd=ROOT).returncode
     if arguments.k:
         print(f"results of some rows: {results}; --page-only writes the page")

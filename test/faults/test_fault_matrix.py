@@ -18,9 +18,8 @@ from injections import NotPossible
 from outcome import Outcome, carry_out
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 RUNS = int(os.environ.get("FASTSWING_FAULT_RUNS", "0"))
 """Runs of each timed row; 0: the rows of `make test`, once."""

@@ -8,9 +8,8 @@ import pytest
 from fastswing_msgs.msg import ErrorCode, SwingOptions, SwingTrajectory
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 START = [-0.7475, 0.0, 0.0, -1.9422, 0.0]
 WRONG = {

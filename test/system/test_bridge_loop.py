@@ -16,9 +16,8 @@ from std_srvs.srv import Trigger
 from fastswing_msgs.msg import LengthCommand, MuscleState
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 RATE_HZ = 500.0
 COUNTED_WITHIN = 2.0

@@ -12,9 +12,7 @@ from lifecycle_msgs.msg import State
 from fastswing_msgs.msg import MuscleState
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
-
-pytestmark = pytest.mark.system
+    from test.system.suite import Suite
 
 
 @pytest.fixture(scope="module")

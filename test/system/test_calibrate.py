@@ -14,9 +14,8 @@ from processes import executable, isolated_environment
 from fastswing_msgs.msg import MuscleState
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 _PATIENCE_SEC = 120.0
 
 

@@ -19,9 +19,8 @@ from fastswing_msgs.msg import CurrentOverride, ErrorCode, InhibitionStatus
 from fastswing_msgs.srv import ArmInhibitor
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 THRESHOLD = 0.07
 FRAME = "base"
@@ -92,7 +91,7 @@ def holds(pid: int, file: Path) -> bool:
 
 @pytest.fixture(scope="module")
 def inhibitor(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path_factory.mktemp("inhibitor"))
     try:

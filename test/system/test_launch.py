@@ -21,7 +21,7 @@ from fastswing_planner.robot.description import Robot
 from test.system.launch_rehearsal import LaunchError, Program, programs
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
 LAUNCH = Path(get_package_share_directory("musashi_muscle_bridge")) / "launch"
 FILES = sorted(path.name for path in LAUNCH.glob("*.launch.xml"))
@@ -44,7 +44,7 @@ VALUES = {"bus_url": "udp://192.0.2.1:48800", "bag": "run.mcap"}
 
 @pytest.fixture
 def left(tmp_path: Path) -> Iterator["Suite"]:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path, "/left")
     yield suite
@@ -78,7 +78,6 @@ def test_bridge_and_mock_driver_meet_on_the_same_bus() -> None:
     assert f"bus_url:={VALUES['bus_url']}" in found["bridge"] & found["mock_driver"]
 
 
-@pytest.mark.system
 def test_a_file_of_ones_own_can_include_ours_and_remap_its_names(
     left: "Suite", tmp_path: Path
 ) -> None:
@@ -110,7 +109,6 @@ def write_swing(path: Path, robot: Robot) -> Path:
     return bag.write()
 
 
-@pytest.mark.system
 def test_replay_shows_a_bag_to_a_live_inhibitor_and_prints_its_swings(
     left: "Suite", tmp_path: Path
 ) -> None:

@@ -15,9 +15,8 @@ from fastswing_msgs.msg import MuscleState
 from test.system.pseudo_terminal import PseudoTerminal
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 END_SEC = 60.0
 PATIENT_SEC = 2.0

@@ -16,9 +16,8 @@ from lifecycle_msgs.msg import State
 from rcl_interfaces.srv import GetParameters
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 EXECUTABLES = [
     "mock_driver",

@@ -11,9 +11,7 @@ from fastswing_msgs.msg import LengthCommand, MuscleState
 from test.system.other_arms import TWO_LINK_ARM, write_hand
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
-
-pytestmark = pytest.mark.system
+    from test.system.suite import Suite
 
 
 def bring_up(world: "Suite", robot: Path, **parameters: object) -> None:

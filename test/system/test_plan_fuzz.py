@@ -20,9 +20,8 @@ from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.conversion.error_codes import error_name
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 COUNT = 10_000
 ANSWER_SEC = 60.0

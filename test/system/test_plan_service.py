@@ -13,9 +13,8 @@ from fastswing_msgs.msg import ErrorCode, MaskTrial, SwingOptions, SwingPlan, Sw
 from fastswing_msgs.srv import PlanSwing
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 BASIC, METHOD_1, METHOD_2, HYBRID = (
     SwingOptions.METHOD_BASIC,

@@ -31,9 +31,8 @@ from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 5_000_000
@@ -112,7 +111,7 @@ class Player:
 
 @pytest.fixture
 def suite(tmp_path: Path) -> Any:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path)
     yield suite

@@ -17,9 +17,8 @@ from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, LengthCommand, MuscleState
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 MUSCLES = [f"#{number}" for number in range(1, 11)]
 FAR = 10.0

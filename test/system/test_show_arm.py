@@ -8,9 +8,8 @@ from lifecycle_msgs.msg import State
 from visualization_msgs.msg import Marker, MarkerArray
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 PATIENT_SEC = 2.0
 RATE = 5.0

@@ -11,9 +11,8 @@ from fastswing_msgs.msg import ErrorCode, InhibitionStatus, SwingOptions
 from fastswing_msgs.srv import ArmInhibitor
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 SILENT = "the inhibitor has been silent for"
 ATTEMPTS = 4
@@ -56,7 +55,7 @@ class FeignedInhibitor:
 
 @pytest.fixture(scope="module")
 def feigned(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FeignedInhibitor]:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path_factory.mktemp("feigned"))
     try:

@@ -26,9 +26,8 @@ from fastswing_msgs.msg import (
 from fastswing_planner.execution.settings import Phase
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 NODES: dict[str, dict[str, object]] = {
     "mock_driver": {},
@@ -71,7 +70,7 @@ class Watched:
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
     """Start everything that a swing needs."""
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suite = Suite(tmp_path_factory.mktemp("watched"))
     try:

@@ -7,9 +7,8 @@ import pytest
 from fastswing_msgs.msg import ErrorCode, SwingOptions
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 METHODS = {
     "basic": SwingOptions.METHOD_BASIC,

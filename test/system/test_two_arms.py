@@ -15,9 +15,8 @@ from fastswing_msgs.msg import CurrentOverride, ErrorCode, LengthCommand, Muscle
 from fastswing_planner.bags.reader import open_bag
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 LAUNCH = Path(get_package_share_directory("musashi_muscle_bridge")) / "launch/mock.launch.xml"
 NODES = ("mock_driver", "bridge", "planner", "swing_executor", "inhibitor", "show_arm")
@@ -57,7 +56,7 @@ class Arm:
 
 @pytest.fixture(scope="module")
 def arms(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Arm, Arm]]:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
     suites: list[Suite] = []
     try:

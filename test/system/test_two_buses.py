@@ -18,9 +18,8 @@ from fastswing_msgs.msg import MuscleState
 from fastswing_planner.robot.path import MUSASHI, resolve_path
 
 if TYPE_CHECKING:
-    from test.conftest import Suite
+    from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 MUSCLES = [f"#{number}" for number in range(1, 11)]
 JOINTS = ["S-p", "S-r", "S-y", "E-p", "E-y"]

@@ -4,15 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
 
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.muscle_model import MuscleModel
 from fastswing_planner.testing.arms import LinearArm
-
-# The machine may be busy: time is no claim of these tests, and their inputs are the same each run.
-settings.register_profile("laws", deadline=None, max_examples=60, derandomize=True)
-settings.load_profile("laws")
 
 DESCRIPTION = "musashi_muscle_bridge/description/musashi_left_arm.yaml"
 

@@ -14,7 +14,7 @@ from fastswing_msgs.msg import CurrentOverride, LengthCommand, MuscleState, Swin
 from fastswing_planner.analysis.recording import Recording
 from fastswing_planner.commands.analyse import PASSED, UNUSABLE, VIOLATED, main
 
-ROBOT = Path(__file__).parents[4] / "src/musashi_muscle_bridge/description/musashi_left_arm.yaml"
+ROBOT = Path(__file__).parents[5] / "src/musashi_muscle_bridge/description/musashi_left_arm.yaml"
 ROUNDS = 24
 """Bags, each spoiled in its own way."""
 DRAWN_EVERY = 6
