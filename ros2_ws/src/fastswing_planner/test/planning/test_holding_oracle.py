@@ -71,7 +71,7 @@ def distance(arms: Matrix, torque: Vector) -> float:
     spare = float((farthest(arms, normals) - normals @ torque).min())
     if spare >= 0.0:
         return spare
-    return -float(np.sqrt(2.0 * lsq_linear(-arms.T, torque, (LOW, HIGH), tol=1e-14).cost))
+    return -float(np.sqrt(2.0 * lsq_linear(-arms.T, torque, (LOW, HIGH), method="bvls").cost))
 
 
 def on_a_face(arms: Matrix, rng: np.random.Generator) -> tuple[Vector, Vector]:
