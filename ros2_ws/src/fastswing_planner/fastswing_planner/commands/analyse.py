@@ -24,7 +24,7 @@ from fastswing_planner.analysis.report.swing_drawing import joint_styles, muscle
 from fastswing_planner.analysis.report.text import check_text, comparison_text, findings_text
 from fastswing_planner.analysis.verdicts.checks import CheckResult, check
 from fastswing_planner.analysis.verdicts.comparison import Difference, compare
-from fastswing_planner.analysis.verdicts.limits_file import Limits, LimitsFileError, read_limits
+from fastswing_planner.analysis.verdicts.criteria import Criteria, CriteriaError, read_criteria
 from fastswing_planner.bags.reader import BagError, open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import InvalidLimit, RobotDescriptionError
@@ -206,9 +206,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error("--compare takes both bags: analyse --compare A B")
     try:
         settings = _settings(arguments)
-        wanted = None if arguments.check is None else read_limits(arguments.check)
+        wanted = None if arguments.check is None else read_criteria(arguments.check)
         limits, unknown = _limits_of_robot(arguments.robot)
-    except (InvalidLimit, LimitsFileError, RobotDescriptionError) as error:
+    except (InvalidLimit, CriteriaError, RobotDescriptionError) as error:
         print(f"analyse: {error}", file=sys.stderr)
         return UNUSABLE
     return _run(arguments, settings, wanted, limits, unknown)
@@ -217,7 +217,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(
     arguments: argparse.Namespace,
     settings: FindingSettings,
-    wanted: Limits | None,
+    wanted: Criteria | None,
     limits: MotorLimits,
     unknown: str,
 ) -> int:
