@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from fastswing_planner.analysis.figures import FIGURES
@@ -82,7 +83,11 @@ def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
             {"start": one.start, "end": one.end, "muscles": list(one.muscles)}
             for one in swing.inhibited
         ],
-        "latency": {name: _latency(value) for name, value in vars(swing.latency).items()},
+        "latency": {
+            "state_to_override": _latency(swing.latency.state_to_override),
+            "override_to_zero": _latency(swing.latency.override_to_zero),
+            "state_to_zero": _latency(swing.latency.state_to_zero),
+        },
         "inhibitor_ended": swing.ended,
         "faulty": list(swing.faulty),
         "notes": list(swing.notes),
@@ -119,8 +124,8 @@ def _difference(difference: Difference) -> dict[str, Any]:
     return {
         "method": difference.method,
         "figure": difference.figure,
-        "first": {name: _number(value) for name, value in vars(difference.first).items()},
-        "second": {name: _number(value) for name, value in vars(difference.second).items()},
+        "first": {name: _number(value) for name, value in asdict(difference.first).items()},
+        "second": {name: _number(value) for name, value in asdict(difference.second).items()},
         "change": _number(difference.change),
         "p_value": _number(difference.p_value),
         "verdict": difference.verdict,

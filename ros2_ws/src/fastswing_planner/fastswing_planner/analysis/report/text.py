@@ -7,7 +7,7 @@ import numpy as np
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, swing_label
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import (
     MotorLimits,
     beyond_tension,
@@ -17,6 +17,7 @@ from fastswing_planner.analysis.motor_limits import (
 from fastswing_planner.analysis.timing import TopicTiming
 from fastswing_planner.analysis.verdicts.checks import CheckResult
 from fastswing_planner.analysis.verdicts.comparison import Difference, Spread
+from fastswing_planner.command_line import text_table
 
 SWING_HEAD = (
     "swing",
@@ -47,7 +48,7 @@ def _bag_text(findings: BagFindings, limits: MotorLimits) -> str:
     parts += [f"  {line}" for line in findings.lines]
     if findings.swings:
         rows = [swing_cells(swing, limits) for swing in findings.swings]
-        parts += ["", table(SWING_HEAD, rows), "", "measured (predicted)"]
+        parts += ["", text_table(SWING_HEAD, rows), "", "measured (predicted)"]
         parts += [f"  swing {one.number}: {note}" for one in findings.swings for note in one.notes]
         parts += [
             f"  swing {one.number}: faulty muscles: {', '.join(one.faulty)}"
@@ -57,9 +58,9 @@ def _bag_text(findings: BagFindings, limits: MotorLimits) -> str:
         latencies = [row for swing in findings.swings for row in latency_cells(swing)]
         if latencies:
             head = ("latency", "swing", "count", "median [ms]", "99% [ms]", "longest [ms]")
-            parts += ["", table(head, latencies)]
+            parts += ["", text_table(head, latencies)]
     if findings.topics:
-        parts += ["", table(TOPIC_HEAD, [topic_cells(topic) for topic in findings.topics])]
+        parts += ["", text_table(TOPIC_HEAD, [topic_cells(topic) for topic in findings.topics])]
     told = counter_lines(findings)
     if told:
         parts += ["", "counted by the nodes while it was recorded:", *told]
@@ -156,7 +157,7 @@ def comparison_text(first: str, second: str, differences: Sequence[Difference]) 
     """Return a comparison of two groups as a table."""
     head = ("method", "figure", first, second, "change", "p", "verdict")
     rows = [comparison_cells(one) for one in differences]
-    return f"{table(head, rows)}\n\nmedian (quartiles), number of swings; {_P_VALUE}"
+    return f"{text_table(head, rows)}\n\nmedian (quartiles), number of swings; {_P_VALUE}"
 
 
 def comparison_cells(difference: Difference) -> list[str]:
@@ -185,18 +186,3 @@ def check_text(result: CheckResult) -> str:
     elif not result.checked:
         lines.append("FAIL no swing and no topic to check")
     return "\n".join(lines)
-
-
-def swing_title(swing: MeasuredSwing) -> str:
-    """Return a swing's name for pictures."""
-    return swing_label(swing)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return aligned columns below a line."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (head, *rows)
-    ]
-    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])
