@@ -18,9 +18,10 @@ from fastswing_planner.analysis.measured_swing import MeasuredSwing, swing_label
 from fastswing_planner.analysis.motor_limits import MotorLimits, motor_limits
 from fastswing_planner.analysis.reading import read_recordings
 from fastswing_planner.analysis.report.comparison_drawing import comparison_pictures
+from fastswing_planner.analysis.report.drawing_style import joint_styles, muscle_styles
 from fastswing_planner.analysis.report.page import page
 from fastswing_planner.analysis.report.record import findings_record
-from fastswing_planner.analysis.report.swing_drawing import joint_styles, muscle_styles, save_swing
+from fastswing_planner.analysis.report.swing_drawing import save_swing
 from fastswing_planner.analysis.report.text import check_text, comparison_text, findings_text
 from fastswing_planner.analysis.verdicts.checks import CheckResult, check
 from fastswing_planner.analysis.verdicts.comparison import Difference, compare

@@ -18,14 +18,9 @@ from fastswing_planner.analysis.motor_limits import (
     drawn_limits,
     limits_known,
 )
+from fastswing_planner.analysis.report.drawing_style import LineStyle, joint_styles, muscle_styles
 from fastswing_planner.analysis.report.page_style import CSS
-from fastswing_planner.analysis.report.swing_drawing import (
-    PANELS,
-    LineStyle,
-    joint_styles,
-    muscle_styles,
-    panel_svg,
-)
+from fastswing_planner.analysis.report.swing_drawing import PANELS, panel_svg
 from fastswing_planner.analysis.report.text import (
     LATENCY_TITLES,
     TOPIC_HEAD,
