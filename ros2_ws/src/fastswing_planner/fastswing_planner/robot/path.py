@@ -16,9 +16,6 @@ def resolve_path(uri: str | Path) -> Path:
     uri = str(uri)
     if not uri.startswith("package://"):
         return Path(uri).expanduser()
-    # Here, so that a robot named by its path needs no ROS.
-    from ament_index_python.packages import get_package_share_directory
-
     package, _, inner = uri.removeprefix("package://").partition("/")
     try:
         # Here, so that a robot named by its path needs no ROS.
