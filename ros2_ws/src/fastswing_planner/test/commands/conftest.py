@@ -1,0 +1,5 @@
+"""The made-up recording."""
+
+from made_recording import recorded
+
+__all__ = ["recorded"]
