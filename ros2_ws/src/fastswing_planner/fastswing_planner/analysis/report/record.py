@@ -1,7 +1,7 @@
 """What was found, as plain numbers, texts, lists and dictionaries; null for what is unknown."""
 
+import json
 import math
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -15,27 +15,28 @@ from fastswing_planner.analysis.motor_limits import (
     beyond_velocity,
     limits_known,
 )
+from fastswing_planner.analysis.report.results import Results
 from fastswing_planner.analysis.timing import TopicTiming
-from fastswing_planner.analysis.verdicts.checks import CheckResult
 from fastswing_planner.analysis.verdicts.comparison import Difference
 
 
-def findings_record(
-    findings: Sequence[BagFindings],
-    limits: MotorLimits,
-    result: CheckResult | None = None,
-    differences: Sequence[Difference] = (),
-) -> dict[str, Any]:
+def json_text(results: Results) -> str:
+    """Return the record as JSON, which has no word for NaN: unknown is null."""
+    return json.dumps(results_record(results), indent=2, allow_nan=False)
+
+
+def results_record(results: Results) -> dict[str, Any]:
     """Return everything that was found; units stand in FIGURES and in docs/bags.md."""
-    record: dict[str, Any] = {"bags": [_bag(one, limits) for one in findings]}
-    if result is not None:
+    record: dict[str, Any] = {"bags": [_bag(one, results.limits) for one in results.findings]}
+    check, comparison = results.check, results.comparison
+    if check is not None:
         record["check"] = {
-            "passed": result.passed,
-            "checked": result.checked,
-            "violations": list(result.violations),
+            "passed": check.passed,
+            "checked": check.checked,
+            "violations": list(check.violations),
         }
-    if differences:
-        record["comparison"] = [_difference(one) for one in differences]
+    if comparison is not None and comparison.differences:
+        record["comparison"] = [_difference(one) for one in comparison.differences]
     return record
 
 

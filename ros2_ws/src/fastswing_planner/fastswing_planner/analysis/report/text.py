@@ -14,9 +14,10 @@ from fastswing_planner.analysis.motor_limits import (
     beyond_velocity,
     limits_known,
 )
+from fastswing_planner.analysis.report.results import Results
 from fastswing_planner.analysis.timing import TopicTiming
 from fastswing_planner.analysis.verdicts.checks import CheckResult
-from fastswing_planner.analysis.verdicts.comparison import Difference, Spread
+from fastswing_planner.analysis.verdicts.comparison import Comparison, Difference, Spread
 from fastswing_planner.command_line import text_table
 
 SWING_HEAD = (
@@ -36,6 +37,16 @@ LATENCY_TITLES = {
     "state_to_zero": "joint state to zero current",
 }
 TOPIC_HEAD = ("topic", "messages", "rate [Hz]", "longest pause [ms]", "gaps", "missing", "dropped")
+
+
+def results_text(results: Results) -> str:
+    """Return everything that was found."""
+    parts = [findings_text(results.findings, results.limits)]
+    if results.comparison is not None:
+        parts.append(comparison_text(results.comparison))
+    if results.check is not None:
+        parts.append(check_text(results.check))
+    return "\n\n".join(parts)
 
 
 def findings_text(findings: Sequence[BagFindings], limits: MotorLimits) -> str:
@@ -153,10 +164,10 @@ def counted(figure: str, part: Spread) -> str:
     return f"{part.count} of {part.total} {'arrived' if figure == 'time' else 'known'}"
 
 
-def comparison_text(first: str, second: str, differences: Sequence[Difference]) -> str:
+def comparison_text(comparison: Comparison) -> str:
     """Return a comparison of two groups as a table."""
-    head = ("method", "figure", first, second, "change", "p", "verdict")
-    rows = [comparison_cells(one) for one in differences]
+    head = ("method", "figure", *comparison.names, "change", "p", "verdict")
+    rows = [comparison_cells(one) for one in comparison.differences]
     return f"{text_table(head, rows)}\n\nmedian (quartiles), number of swings; {_P_VALUE}"
 
 
@@ -167,15 +178,26 @@ def comparison_cells(difference: Difference) -> list[str]:
     for one in (difference.first, difference.second):
         quartiles = f"{figure.text(one.low)} to {figure.text(one.high)}"
         groups.append(f"{figure.text(one.median)} ({quartiles}), {counted(difference.figure, one)}")
-    change = difference.change
     return [
         difference.method,
-        f"{figure.title} [{figure.unit}]" if figure.unit else figure.title,
+        figure_title(difference),
         *groups,
-        "–" if np.isnan(change) else f"{change:+.{figure.decimals}f}",
+        change_text(difference),
         "–" if np.isnan(difference.p_value) else f"{difference.p_value:.3f}",
         difference.verdict,
     ]
+
+
+def figure_title(difference: Difference) -> str:
+    """Return what is compared, with its unit."""
+    figure = FIGURES[difference.figure]
+    return f"{figure.title} [{figure.unit}]" if figure.unit else figure.title
+
+
+def change_text(difference: Difference) -> str:
+    """Return the change of the median with its sign; '–' if it is unknown."""
+    change = difference.change
+    return "–" if np.isnan(change) else f"{change:+.{FIGURES[difference.figure].decimals}f}"
 
 
 def check_text(result: CheckResult) -> str:
