@@ -7,7 +7,7 @@ from typing import Any
 
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
-from fastswing_planner.analysis.latency import Latency
+from fastswing_planner.analysis.latency import InhibitionLatency, Latency
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import (
     MotorLimits,
@@ -84,14 +84,18 @@ def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
             {"start": one.start, "end": one.end, "muscles": list(one.muscles)}
             for one in swing.inhibited
         ],
-        "latency": {
-            "state_to_override": _latency(swing.latency.state_to_override),
-            "override_to_zero": _latency(swing.latency.override_to_zero),
-            "state_to_zero": _latency(swing.latency.state_to_zero),
-        },
+        "latency": _latencies(swing.latency),
         "inhibitor_ended": swing.ended,
         "faulty": list(swing.faulty),
         "notes": list(swing.notes),
+    }
+
+
+def _latencies(latency: InhibitionLatency) -> dict[str, Any]:
+    return {
+        "state_to_override": _latency(latency.state_to_override),
+        "override_to_zero": _latency(latency.override_to_zero),
+        "state_to_zero": _latency(latency.state_to_zero),
     }
 
 
