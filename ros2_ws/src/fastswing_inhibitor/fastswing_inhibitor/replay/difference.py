@@ -10,6 +10,7 @@ from fastswing_inhibitor.inhibition import Reason
 from fastswing_inhibitor.replay.recorded import OVERRIDE_TYPE, Status
 from fastswing_inhibitor.replay.result import Told
 from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags.robot_topics import robot_topics
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 
@@ -69,9 +70,7 @@ def override_differences(
     said = {status.stamp_ns: np.array(status.decision.inhibited) for status in statuses}
     names = np.array(model.muscle_names)
     found = set()
-    for topic in bag.topics_of_type(OVERRIDE_TYPE):
-        if not topic.startswith(prefix):
-            continue
+    for topic in robot_topics(bag, OVERRIDE_TYPE, prefix):
         for part in bag.stream(topic, "header", ["name"]):
             for stamp, chosen in zip(part.time_ns.tolist(), part["name"], strict=True):
                 found.add(stamp)

@@ -11,9 +11,10 @@ from fastswing_inhibitor.inhibition import Reason
 from fastswing_inhibitor.replay.result import Told
 from fastswing_planner.arrays import BoolVector, Vector, frozen
 from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags.robot_topics import robot_topic, robot_topics
 from fastswing_planner.cdr.columns import Column
 from fastswing_planner.cdr.plan_fields import PlanFields
-from fastswing_planner.errors import BagError, WrongLength
+from fastswing_planner.errors import BagError, UnknownTopic, WrongLength
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 STATUS_TYPE = "fastswing_msgs/msg/InhibitionStatus"
@@ -69,18 +70,13 @@ def armings(statuses: Sequence[Status]) -> Iterator[list[Status]]:
 
 
 def _topic(bag: Bag, type_name: str, prefix: str) -> str:
-    names = [name for name in bag.topics_of_type(type_name) if name.startswith(prefix)]
-    if not names:
-        where = f" below {prefix}" if prefix else ""
+    try:
+        return robot_topic(bag, type_name, prefix)
+    except UnknownTopic as error:
         why = (
             "; only swings by Method 1 or the hybrid have them" if type_name == STATUS_TYPE else ""
         )
-        raise UnusableForReplay(f"nothing to replay: no messages of type {type_name}{where}{why}")
-    if len(names) > 1:
-        raise UnusableForReplay(
-            f"more than one topic of type {type_name}: {', '.join(names)}; choose with --prefix"
-        )
-    return names[0]
+        raise UnusableForReplay(f"nothing to replay: {error}{why}") from error
 
 
 def _order(what: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
@@ -135,13 +131,13 @@ def statuses(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[Status]:
                 _known_reason(topic, int(part["reason"][row])),
             )
             yield Status(
-                int(part.time_ns[row]),
-                int(part.log_time_ns[row]),
-                bool(part["armed"][row]),
-                float(part["threshold"][row]),
-                decision,
-                int(part["decisions"][row]),
-                int(rejected[row]),
+                stamp_ns=int(part.time_ns[row]),
+                log_ns=int(part.log_time_ns[row]),
+                armed=bool(part["armed"][row]),
+                threshold=float(part["threshold"][row]),
+                decision=decision,
+                decisions=int(part["decisions"][row]),
+                rejected=int(rejected[row]),
             )
 
 
@@ -154,10 +150,9 @@ def _known_reason(topic: str, value: int) -> Reason:
 
 def plans(bag: Bag, model: MuscleModel, prefix: str) -> Iterator[Plan]:
     """Yield what each plan says."""
-    for topic in bag.topics_of_type(PLAN_TYPE):
-        if topic.startswith(prefix):
-            for log_ns, plan in bag.messages(topic):
-                yield _plan(topic, log_ns, plan, model)
+    for topic in robot_topics(bag, PLAN_TYPE, prefix):
+        for log_ns, plan in bag.messages(topic):
+            yield _plan(topic, log_ns, plan, model)
 
 
 def _plan(topic: str, log_ns: int, message: Any, model: MuscleModel) -> Plan:

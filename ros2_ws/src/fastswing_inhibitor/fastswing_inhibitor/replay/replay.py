@@ -90,13 +90,13 @@ class _Rule:
         """Return one armed time decided again."""
         first = statuses[0]
         swing = ReplayedSwing(
-            first.stamp_ns,
-            first.threshold,
-            (),
-            (),
-            None if statuses[-1].armed else statuses[-1].decision.reason,
-            statuses[-1].rejected,
-            tuple(self._missing(statuses)),
+            start_ns=first.stamp_ns,
+            threshold=first.threshold,
+            protected=(),
+            decisions=(),
+            end=None if statuses[-1].armed else statuses[-1].decision.reason,
+            rejected=statuses[-1].rejected,
+            missing=tuple(self._missing(statuses)),
         )
         if plan is None:
             return replace(swing, complaint="no plan before it, so its goal is not known")

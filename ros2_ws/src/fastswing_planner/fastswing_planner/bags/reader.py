@@ -16,30 +16,26 @@
 Everything here raises a `BagError` whose text is one line.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
-import yaml
 from mcap.records import Channel
 
+from fastswing_planner.bags.batches import batches, step_back
 from fastswing_planner.bags.files import bag_files
 from fastswing_planner.bags.mcap_file import McapFile
 from fastswing_planner.bags.mcap_scan import scan
 from fastswing_planner.bags.topic_decoder import TimeBase, TopicDecoder, named
+from fastswing_planner.bags.topics import Topic, lost_in, topics_of
 from fastswing_planner.bags.writer import NOTES
-from fastswing_planner.cdr.batch import Messages, merged
+from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.columns import (
     Columns,
     field_paths,
     joined,
 )
-from fastswing_planner.cdr.idl import parse_ros2idl
 from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.schema import Schema, parse_ros2msg
 from fastswing_planner.errors import (
@@ -51,33 +47,9 @@ from fastswing_planner.errors import (
 )
 
 __all__ = ["Bag", "BagError", "Columns", "TimeBase", "Topic", "open_bag"]
-_PARSERS = {"ros2msg": parse_ros2msg, "ros2idl": parse_ros2idl}
+_ENCODING = "ros2msg"
+"""What rosbag2 writes of every type that has a .msg file."""
 _CHUNK = 8192
-_MOST_HELD = 1 << 24
-"""[bytes] of blocks that are kept as a whole while a batch is collected."""
-_LARGEST_STEP_BACK_NS = 10_000_000
-"""[ns] messages may be recorded in another order than they came."""
-
-
-@dataclass(frozen=True)
-class Topic:
-    """One topic of a bag.
-
-    type           'package/msg/Name'
-    message_count  what the bag says, or what was recovered
-    qos            of each publisher in rosbag2's words; empty if the bag does not say
-    definition     text of the type
-    encoding       of the definition: 'ros2msg' or 'ros2idl'
-    type_hash      'RIHS01_...'; empty if the bag does not say
-    """
-
-    name: str
-    type: str
-    message_count: int
-    qos: tuple[Mapping[str, Any], ...] = ()
-    definition: str = ""
-    encoding: str = "ros2msg"
-    type_hash: str = ""
 
 
 class Bag:
@@ -87,8 +59,8 @@ class Bag:
         """Put files together, the earliest first."""
         self._files = sorted(files, key=lambda file: (file.empty, file.start_ns))
         self._own_warnings = list(warnings)
-        self._topics = _topics(self._files)
-        self._schemas: dict[tuple[str, str, bytes], Schema] = {}
+        self._topics = topics_of(self._files)
+        self._schemas: dict[tuple[str, bytes], Schema] = {}
 
     @property
     def paths(self) -> tuple[Path, ...]:
@@ -140,7 +112,7 @@ class Bag:
         """Messages that our recorder knows it lost, by topic; empty if the bag does not say."""
         total: dict[str, int] = {}
         for _, name, content in self.metadata_records:
-            for topic, count in _lost_in(content).items() if name == NOTES else ():
+            for topic, count in lost_in(content).items() if name == NOTES else ():
                 total[topic] = total.get(topic, 0) + count
         return total
 
@@ -250,16 +222,9 @@ class Bag:
                 yield from zip(*times, messages.data(), strict=True)
 
     def _check_order(self, columns: Columns, newest: int) -> None:
-        """Warn if the recorder's clock went back after the time `newest` [ns] or later."""
-        steps = np.diff(columns.log_time_ns, prepend=newest if newest >= 0 else 0)
-        if steps.size and steps.min() < -_LARGEST_STEP_BACK_NS:
-            at = int(steps.argmin())
-            line = (
-                f"{columns.topic}: the recorder's clock went back by {-steps[at] * 1e-9:.3f} s, "
-                f"to {columns.log_time_ns[at] * 1e-9:.3f} s"
-            )
-            if line not in self._own_warnings:
-                self._own_warnings.append(line)
+        line = step_back(columns, newest)
+        if line and line not in self._own_warnings:
+            self._own_warnings.append(line)
 
     def _title(self) -> str:
         return ", ".join(path.name for path in self.paths)
@@ -283,51 +248,23 @@ class Bag:
             raise UndecodableMessage(
                 f"{file.path.name} does not define the type of {channel.topic}"
             )
-        if channel.message_encoding != "cdr" or record.encoding not in _PARSERS:
+        if channel.message_encoding != "cdr" or record.encoding != _ENCODING:
             raise UndecodableMessage(
                 f"{channel.topic} is '{channel.message_encoding}' with a definition in "
-                f"'{record.encoding}'; only cdr with ros2msg or ros2idl can be read"
+                f"'{record.encoding}'; only cdr with ros2msg can be read"
             )
-        key = (record.name, record.encoding, record.data)
+        key = (record.name, record.data)
         if key not in self._schemas:
             text = record.data.decode("utf-8", "replace")
-            self._schemas[key] = _PARSERS[record.encoding](record.name, text)
+            self._schemas[key] = parse_ros2msg(record.name, text)
         return self._schemas[key]
 
     def _batches(self, topic: str, size: int) -> Iterator[tuple[Schema, list[Messages]]]:
-        """Yield a topic's messages in batches of one type, of `size` or the rest of a block."""
         channels = self._channels(topic)
         for file in self._files:
-            schemas = {c.id: self._schema(file, c) for owner, c in channels if owner is file}
-            waiting: list[Messages] = []
-            waiting_for: Schema | None = None
-            held = 0
-            for schema, messages in _in_order(file.read(schemas), schemas):
-                if waiting and waiting_for is not None and schema is not waiting_for:
-                    yield waiting_for, waiting
-                    waiting, held = [], 0
-                waiting.append(messages)
-                held += len(messages.content)
-                if held > _MOST_HELD:
-                    waiting, held = [part.alone() for part in waiting], 0
-                waiting_for = schema
-                if sum(map(len, waiting)) >= size:
-                    yield schema, waiting
-                    waiting, held = [], 0
-            if waiting and waiting_for is not None:
-                yield waiting_for, waiting
-
-
-def _in_order(
-    parts: Iterator[tuple[int, Messages]], schemas: Mapping[int, Schema]
-) -> Iterator[tuple[Schema, Messages]]:
-    """Yield each block's messages by type, those of several channels in the order of recording."""
-    for _, block in groupby(parts, key=lambda part: id(part[1].content)):
-        of_type: dict[Schema, list[Messages]] = {}
-        for channel, messages in block:
-            of_type.setdefault(schemas[channel], []).append(messages)
-        for schema, several in of_type.items():
-            yield schema, several[0] if len(several) == 1 else merged(several)
+            yield from batches(
+                file, {c.id: self._schema(file, c) for owner, c in channels if owner is file}, size
+            )
 
 
 def open_bag(*paths: str | Path) -> Bag:
@@ -349,49 +286,3 @@ def open_bag(*paths: str | Path) -> Bag:
     if not files:
         raise complaints[0]
     return Bag(files, [*warnings, *map(str, complaints)])
-
-
-def _lost_in(notes: Mapping[str, str]) -> dict[str, int]:
-    """Return what one file's recorder says it lost, by topic."""
-    try:
-        counts = json.loads(notes["lost"])
-        return {str(topic): int(count) for topic, count in counts.items()}
-    except (KeyError, ValueError, TypeError, AttributeError):
-        return {}
-
-
-def _topics(files: Sequence[McapFile]) -> dict[str, Topic]:
-    found: dict[str, Topic] = {}
-    for file in files:
-        for channel in sorted(file.channels.values(), key=lambda channel: channel.id):
-            count = file.counts.get(channel.id, 0)
-            known = found.get(channel.topic)
-            if known is None or (known.message_count == 0 and count):
-                found[channel.topic] = _topic(file, channel, count)
-            else:
-                known_count = known.message_count + count
-                found[channel.topic] = Topic(**{**vars(known), "message_count": known_count})
-    return dict(sorted(found.items()))
-
-
-def _topic(file: McapFile, channel: Channel, count: int) -> Topic:
-    schema = file.schemas.get(channel.schema_id)
-    return Topic(
-        channel.topic,
-        schema.name if schema else "",
-        count,
-        _qos(channel.metadata.get("offered_qos_profiles", "")),
-        schema.data.decode("utf-8", "replace") if schema else "",
-        schema.encoding if schema else "",
-        channel.metadata.get("topic_type_hash", ""),
-    )
-
-
-def _qos(text: str) -> tuple[Mapping[str, Any], ...]:
-    try:
-        profiles = yaml.safe_load(text)
-    except yaml.YAMLError:
-        return ()
-    if not isinstance(profiles, list):
-        return ()
-    return tuple(profile for profile in profiles if isinstance(profile, dict))

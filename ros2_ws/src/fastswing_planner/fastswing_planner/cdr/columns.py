@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from fastswing_planner.cdr.batch import Messages
 from fastswing_planner.cdr.layout import Layout, Leaf, layout_of, text_of
-from fastswing_planner.cdr.primitives import DTYPES, is_message
+from fastswing_planner.cdr.primitives import PRIMITIVES, is_message
 from fastswing_planner.cdr.schema import Repeat, Schema
 from fastswing_planner.errors import UndecodableMessage, UnknownTopic
 
@@ -147,12 +147,16 @@ def field_paths(schema: Schema) -> dict[str, Column]:
             path = prefix + field.name
             if not is_message(field.type_name):
                 shape = (0,) if field.repeat is Repeat.ONCE else (0, field.count)
-                found[path] = np.empty(shape, DTYPES.get(field.type_name, "O"))
+                found[path] = np.empty(shape, _dtype(field.type_name))
             elif field.repeat is Repeat.ONCE:
                 visit(field.type_name, f"{path}.")
 
     visit(schema.name, "")
     return found
+
+
+def _dtype(type_name: str) -> str:
+    return PRIMITIVES[type_name].dtype if type_name in PRIMITIVES else "O"
 
 
 def joined(columns: Sequence[Column]) -> Column:
@@ -206,7 +210,7 @@ def _column(matrix: Bytes, layout: Layout, leaf: Leaf) -> Column:
         column = _text_column(matrix, leaf)
     else:
         order = "<" if layout.little_endian else ">"
-        dtype = np.dtype(order + DTYPES[leaf.type_name])
+        dtype = np.dtype(order + PRIMITIVES[leaf.type_name].dtype)
         begin, count = leaf.offsets[0], leaf.sizes[0]
         raw = np.ascontiguousarray(matrix[:, begin : begin + count * dtype.itemsize])
         if leaf.type_name == "bool":

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from fastswing_planner.cdr.primitives import PRIMITIVE_SIZE, TEXTS, is_message
+from fastswing_planner.cdr.primitives import PRIMITIVE_SIZE, PRIMITIVES, TEXTS, is_message
 from fastswing_planner.cdr.schema import Field, Repeat, Schema
 from fastswing_planner.errors import UndecodableMessage
 
@@ -21,20 +21,6 @@ _MAX_PADDING_FOR_EMPTY = 8
 
 4 bytes for each empty sequence, and 4 more where that makes a later field's alignment another one.
 """
-
-_CODES = {
-    "bool": "?",
-    "int8": "b",
-    "uint8": "B",
-    "int16": "h",
-    "uint16": "H",
-    "int32": "i",
-    "uint32": "I",
-    "int64": "q",
-    "uint64": "Q",
-    "float32": "f",
-    "float64": "d",
-}
 
 
 @dataclass(frozen=True)
@@ -227,7 +213,7 @@ def _value(cursor: _Cursor, field: Field) -> Any:
             values.append(text_of(cursor.data[begin : begin + size]))
     else:
         begin = cursor.values(field.type_name, count)
-        code = f"{cursor.order}{count}{_CODES[field.type_name]}"
+        code = f"{cursor.order}{count}{PRIMITIVES[field.type_name].code}"
         values = list(struct.unpack_from(code, cursor.data, begin))
     return values[0] if field.repeat is Repeat.ONCE else values
 

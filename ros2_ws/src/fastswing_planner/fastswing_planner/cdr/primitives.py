@@ -1,38 +1,43 @@
-"""The types that messages are made of."""
+"""The types that messages are made of: the one table of them."""
 
-PRIMITIVE_SIZE = {
-    "bool": 1,
-    "int8": 1,
-    "uint8": 1,
-    "int16": 2,
-    "uint16": 2,
-    "int32": 4,
-    "uint32": 4,
-    "int64": 8,
-    "uint64": 8,
-    "float32": 4,
-    "float64": 8,
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Primitive(NamedTuple):
+    """A type of fixed size.
+
+    dtype  numpy's name of it, without byte order
+    code   struct's
+    """
+
+    dtype: str
+    code: str
+
+    @property
+    def size(self) -> int:
+        """[bytes] and its alignment too."""
+        return np.dtype(self.dtype).itemsize
+
+
+PRIMITIVES = {
+    "bool": Primitive("?", "?"),
+    "int8": Primitive("i1", "b"),
+    "uint8": Primitive("u1", "B"),
+    "int16": Primitive("i2", "h"),
+    "uint16": Primitive("u2", "H"),
+    "int32": Primitive("i4", "i"),
+    "uint32": Primitive("u4", "I"),
+    "int64": Primitive("i8", "q"),
+    "uint64": Primitive("u8", "Q"),
+    "float32": Primitive("f4", "f"),
+    "float64": Primitive("f8", "d"),
 }
-"""[bytes] of each type of fixed size; its alignment too."""
+PRIMITIVE_SIZE = {name: primitive.size for name, primitive in PRIMITIVES.items()}
 TEXTS = ("string", "wstring")
 
 
 def is_message(type_name: str) -> bool:
     """Whether a field's type is a message of its own."""
-    return type_name not in PRIMITIVE_SIZE and type_name not in TEXTS
-
-
-DTYPES = {
-    "bool": "?",
-    "int8": "i1",
-    "uint8": "u1",
-    "int16": "i2",
-    "uint16": "u2",
-    "int32": "i4",
-    "uint32": "u4",
-    "int64": "i8",
-    "uint64": "u8",
-    "float32": "f4",
-    "float64": "f8",
-}
-"""numpy's name of each primitive type, without byte order."""
+    return type_name not in PRIMITIVES and type_name not in TEXTS

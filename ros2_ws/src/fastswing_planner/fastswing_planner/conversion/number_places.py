@@ -14,24 +14,10 @@ import numpy as np
 import numpy.typing as npt
 
 from fastswing_planner.cdr.layout import Layout, Leaf
-from fastswing_planner.cdr.primitives import DTYPES, is_message
+from fastswing_planner.cdr.primitives import PRIMITIVES, is_message
 from fastswing_planner.cdr.schema import Repeat, Schema, parse_ros2msg
 from fastswing_planner.conversion.definitions import definition_text
 
-_CODES = {
-    "?": "?",
-    "i1": "b",
-    "u1": "B",
-    "i2": "h",
-    "u2": "H",
-    "i4": "i",
-    "u4": "I",
-    "i8": "q",
-    "u8": "Q",
-    "f4": "f",
-    "f8": "d",
-}
-"""struct's name of each of numpy's types."""
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 """The numbers of a message's header."""
 
@@ -68,30 +54,28 @@ class Number(NamedTuple):
 
 def numbers_at(layout: Layout, fields: Sequence[str]) -> list[Number]:
     """Return where the fields stand, in their order; raises KeyError for one that is no number."""
-    leaves = {leaf.path: leaf for leaf in layout.leaves if leaf.type_name in DTYPES}
+    leaves = {leaf.path: leaf for leaf in layout.leaves if leaf.type_name in PRIMITIVES}
     order = "<" if layout.little_endian else ">"
     found = []
     for field in fields:
         leaf = leaves[field]
-        name = DTYPES[leaf.type_name]
+        primitive = PRIMITIVES[leaf.type_name]
         count = leaf.sizes[0] if leaf.repeated else None
-        dtype = np.dtype(order + name)
-        found.append(Number(field, dtype, order + _CODES[name], count, leaf.offsets[0]))
+        dtype = np.dtype(order + primitive.dtype)
+        found.append(Number(field, dtype, order + primitive.code, count, leaf.offsets[0]))
     return found
 
 
 def text_places(layout: Layout) -> set[int]:
     """Return the places of all lengths and texts, and of the byte order."""
-    texts = (leaf for leaf in layout.leaves if leaf.type_name not in DTYPES)
+    texts = (leaf for leaf in layout.leaves if leaf.type_name not in PRIMITIVES)
     return set(layout.structure).union(*(places_of(leaf, 1) for leaf in texts))
 
 
 def number_places(layout: Layout) -> set[int]:
     """Return the places of all numbers."""
-    numbers = (leaf for leaf in layout.leaves if leaf.type_name in DTYPES)
-    return set().union(
-        *(places_of(leaf, np.dtype(DTYPES[leaf.type_name]).itemsize) for leaf in numbers)
-    )
+    numbers = (leaf for leaf in layout.leaves if leaf.type_name in PRIMITIVES)
+    return set().union(*(places_of(leaf, PRIMITIVES[leaf.type_name].size) for leaf in numbers))
 
 
 def places_of(leaf: Leaf, item_size: int) -> set[int]:

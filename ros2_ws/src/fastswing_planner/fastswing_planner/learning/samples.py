@@ -7,8 +7,9 @@ import numpy as np
 
 from fastswing_planner.arrays import BoolMatrix, Matrix, Vector
 from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags.robot_topics import robot_topic
 from fastswing_planner.cdr.columns import Columns
-from fastswing_planner.errors import BagError
+from fastswing_planner.errors import BagError, UnknownTopic
 from fastswing_planner.robot.muscle_model import MuscleModel
 
 _JOINTS = "sensor_msgs/msg/JointState"
@@ -71,13 +72,13 @@ def muscle_samples(
 
 
 def _columns(bag: Bag, type_name: str, fields: list[str], prefix: str) -> Columns:
-    names = [name for name in bag.topics_of_type(type_name) if name.startswith(prefix)]
-    if len(names) != 1:
-        found = f"more than one: {', '.join(names)}; choose with --prefix" if names else "none"
-        raise UnusableForLearning(f"learning needs one topic of type {type_name}, found {found}")
-    columns = bag.columns(names[0], "header", fields)
+    try:
+        topic = robot_topic(bag, type_name, prefix)
+    except UnknownTopic as error:
+        raise UnusableForLearning(f"nothing to learn from: {error}") from error
+    columns = bag.columns(topic, "header", fields)
     if columns.count < 2:
-        raise UnusableForLearning(f"{names[0]} has {columns.count} messages, too few to learn from")
+        raise UnusableForLearning(f"{topic} has {columns.count} messages, too few to learn from")
     return columns
 
 
