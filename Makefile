@@ -32,8 +32,9 @@ bench-check: build ## is a ratio worse than the last accepted one?
 security: setup ## make keys for authenticated and encrypted ROS, in keystore: SECURITY.md
 	@.venv/bin/python security/make_keystore.py $(ARGS)
 
-docs: build ## docs/parameters.md again, and the API reference; results in out/docs
+docs: build ## docs/parameters.md and the folders' picture again, and the API reference in out/docs
 	@scripts/ros_env python pages/parameter_page.py
+	@scripts/ros_env python pages/folder_picture.py
 	@scripts/ros_env python pages/api_reference.py
 
 unit: setup ## the tests without ROS, in seconds; make unit ARGS=planning for one folder

@@ -20,9 +20,9 @@ from fastswing_planner.execution.settings import Phase
 from fastswing_planner.planning.request import Method
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI
-from musashi_muscle_bridge.arm_view.markers import LINKS, ArmMarkers
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.commands.simulate_swing import simulated_swing
+from musashi_muscle_bridge.nodes.arm_markers import LINKS, ArmMarkers
 from musashi_muscle_bridge.simulation.closed_loop import Sample
 
 IMAGE = Path(__file__).parents[1] / "docs/images/arm_markers.png"

@@ -11,13 +11,8 @@ from swing_bag import read_swings
 
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import MotorLimits, motor_limits
-from fastswing_planner.analysis.report.swing_drawing import (
-    PANELS,
-    STYLE,
-    joint_styles,
-    legend_handles,
-    muscle_styles,
-)
+from fastswing_planner.analysis.report.drawing_style import STYLE, joint_styles, muscle_styles
+from fastswing_planner.analysis.report.swing_drawing import PANELS, legend_handles
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI
 

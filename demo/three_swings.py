@@ -26,7 +26,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
-from report import draw_swing, table_text, write_report
+from report import table_text, write_report
+from swing_picture import draw_swing
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingFigures, SwingOptions

@@ -15,7 +15,7 @@ from typing import Any
 import mujoco
 import numpy as np
 from arm_parameters import PARAMETERS, edited_mjcf, edited_yaml, values_of
-from evolution import Evolution, Vector, evolve, first_generation
+from evolution import Fitted, Vector, evolve
 from swing_targets import (
     ELBOW_PITCH,
     EPSILON,
@@ -50,22 +50,20 @@ SIGMA = 0.25
 """First standard deviation, in units of the parameters' spans."""
 NEARNESS = 0.3
 """Weight of the mean squared distance from the initial parameters, in spans."""
-OUTSIDE = 100.0
-"""Weight of the squared distance beyond the spans."""
 
 
 def main() -> None:
     """Fit, write the description, and say how near it came."""
     arguments = _arguments()
     OUT.mkdir(parents=True, exist_ok=True)
-    state_file = OUT / f"kinematic_fit_seed_{arguments.seed}.npz"
+    state_file = OUT / f"kinematic_fit_seed_{arguments.seed}.pickle"
     if arguments.restart:
         state_file.unlink(missing_ok=True)
     judge = candidate_cost(load_robot(ROBOT_YAML), ROBOT_MJCF.read_text())
-    first = first_generation(len(PARAMETERS), SIGMA)
-    state = evolve(judge, first, state_file, arguments.seed, arguments.generations)
-    write_description(values_of(state.best))
-    summary = summarise(load_robot(ROBOT_YAML), state, arguments.seed)
+    first = np.zeros(len(PARAMETERS))
+    fitted = evolve(judge, first, SIGMA, state_file, arguments.seed, arguments.generations)
+    write_description(values_of(fitted.best))
+    summary = summarise(load_robot(ROBOT_YAML), fitted, arguments.seed)
     (OUT / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     for line in report_lines(summary["reached"]):
         print(line)
@@ -76,8 +74,7 @@ def candidate_cost(robot: Robot, mjcf_text: str) -> Callable[[Vector], float]:
     """Return the function to minimise: x in spans, shape (n,), to a cost without unit."""
 
     def judge(unit: Vector) -> float:
-        beyond = np.maximum(np.abs(unit) - 1.0, 0.0)
-        plausibility = NEARNESS * float(np.mean(unit**2)) + OUTSIDE * float(beyond @ beyond)
+        plausibility = NEARNESS * float(np.mean(unit**2))
         return cost(candidate_arm(robot, mjcf_text, values_of(unit))) + plausibility
 
     return judge
@@ -105,17 +102,17 @@ def write_description(values: Vector) -> None:
         part.replace(path)
 
 
-def summarise(robot: Robot, state: Evolution, seed: int) -> dict[str, dict[str, Any]]:
+def summarise(robot: Robot, fitted: Fitted, seed: int) -> dict[str, dict[str, Any]]:
     """Return what was fitted and what the written description reaches, through the planner."""
     planner = SwingPlanner(robot.model, robot.limits, ProxSuiteSolver())
     plans = {method: _plan(planner, robot, method) for method in PEAK}
     return {
         "fit": {
             "seed": seed,
-            "generations": state.generation,
-            "cost": state.best_cost,
+            "generations": fitted.generation,
+            "cost": fitted.best_cost,
             "epsilon_rad": EPSILON,
-            "parameters": _parameter_table(values_of(state.best)),
+            "parameters": _parameter_table(values_of(fitted.best)),
         },
         "reached": {
             **{method.name.lower(): _swing_figures(plan) for method, plan in plans.items()},

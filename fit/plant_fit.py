@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from evolution import Evolution, Vector, evolve, first_generation
+from evolution import Fitted, Vector, evolve
 from kinematic_fit import OUT, ROBOT_MJCF, ROBOT_YAML
 from plant_parameters import PARAMETERS, candidate_robot, edited_mjcf, edited_yaml, values_of
 from plant_sweep import draw_sweep
@@ -33,8 +33,6 @@ SIGMA = 0.05
 """First standard deviation; the ranges of the parameters are -1 to 1."""
 NEARNESS = 0.05
 """Weight of the mean squared distance from the middle of the ranges."""
-OUTSIDE = 100.0
-"""Weight of the squared distance beyond the ranges."""
 NEVER_BEGUN = 1e4
 """Cost of an arm that does not come to rest in the start posture."""
 HASTY = ExecutionSettings(
@@ -47,21 +45,18 @@ def main() -> None:
     """Fit, write the description, and say how near it came."""
     arguments = _arguments()
     OUT.mkdir(parents=True, exist_ok=True)
-    state_file = OUT / f"plant_fit_seed_{arguments.seed}_{description_digest()}.npz"
+    state_file = OUT / f"plant_fit_seed_{arguments.seed}_{description_digest()}.pickle"
     if arguments.restart:
         state_file.unlink(missing_ok=True)
     robot = load_robot(ROBOT_YAML)
     with tempfile.TemporaryDirectory() as folder:
         judge = candidate_cost(robot, ROBOT_MJCF.read_text(), Path(folder))
-        guess = first_guess()
-        first = replace(
-            first_generation(len(PARAMETERS), SIGMA), mean=guess, best=guess, best_cost=judge(guess)
-        )
-        state = evolve(judge, first, state_file, arguments.seed, arguments.generations)
-    write_description(values_of(state.best))
+        first = first_guess()
+        fitted = evolve(judge, first, SIGMA, state_file, arguments.seed, arguments.generations)
+    write_description(values_of(fitted.best))
     robot = load_robot(ROBOT_YAML)
     outcomes = full_outcomes(robot)
-    summary = summarise(robot, state, outcomes)
+    summary = summarise(robot, fitted, outcomes)
     (OUT / "plant_summary.json").write_text(json.dumps(summary, indent=2) + "\n")
     for line in report_lines(outcomes):
         print(line)
@@ -91,8 +86,7 @@ def candidate_cost(robot: Robot, mjcf_text: str, folder: Path) -> Callable[[Vect
     plans = planned(robot)
 
     def judge(unit: Vector) -> float:
-        beyond = np.maximum(np.abs(unit) - 1.0, 0.0)
-        plausibility = NEARNESS * float(np.mean(unit**2)) + OUTSIDE * float(beyond @ beyond)
+        plausibility = NEARNESS * float(np.mean(unit**2))
         arm = begun_at_start(candidate_robot(robot, mjcf_text, values_of(unit).tolist(), folder))
         try:
             outcomes = {m: swing_outcome(arm, planner, p, HASTY) for m, p in plans.items()}
@@ -134,15 +128,15 @@ def write_description(values: Vector) -> None:
 
 
 def summarise(
-    robot: Robot, state: Evolution, outcomes: Mapping[Method, Outcome]
+    robot: Robot, fitted: Fitted, outcomes: Mapping[Method, Outcome]
 ) -> dict[str, object]:
     """Return what was fitted and what the written description does."""
     names = robot.model.muscle_names
-    fitted = zip(PARAMETERS, values_of(state.best).tolist(), strict=True)
+    constants = zip(PARAMETERS, values_of(fitted.best).tolist(), strict=True)
     return {
-        "generations": state.generation,
-        "cost": state.best_cost,
-        "constants": {parameter.label: value for parameter, value in fitted},
+        "generations": fitted.generation,
+        "cost": fitted.best_cost,
+        "constants": {parameter.label: value for parameter, value in constants},
         "swings": {
             method.name.lower(): {
                 "peak_elbow_speed_rad_per_s": round(outcome.elbow_speed, 3),

@@ -12,7 +12,7 @@ from fastswing_planner.planning.speed_index import swing_speed_index
 from fastswing_planner.planning.swing import SwingSettings, Trajectory, simulate_swing
 from fastswing_planner.qp.solvers import ProxSuiteSolver
 from fastswing_planner.robot.limits import MuscleLimits
-from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
+from fastswing_planner.robot.muscle_model import MuscleModel
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -53,7 +53,7 @@ _IMPOSSIBLE = 1e4
 class Arm:
     """One candidate description with its postures [rad], shape (n,)."""
 
-    model: MujocoMuscleModel
+    model: MuscleModel
     limits: MuscleLimits
     start: Vector
     end: Vector
@@ -76,7 +76,7 @@ def peak_elbow_speed(trajectory: Trajectory) -> float:
     return float(np.abs(trajectory.joint_velocity[:, ELBOW_PITCH]).max())
 
 
-def travel_arms(model: MujocoMuscleModel, start: Vector, end: Vector, count: int = 41) -> Matrix:
+def travel_arms(model: MuscleModel, start: Vector, end: Vector, count: int = 41) -> Matrix:
     """Return G [m/rad] at `count` postures from start to end, shape (count, m, n)."""
     return np.array([model.jacobian(start + part * (end - start)) for part in _parts(count)])
 

@@ -16,7 +16,7 @@ BEGIN, END = "<!-- folders: made by `make docs` from code_map.md -->\n", "<!-- f
 
 def picture() -> str:
     """Return a mermaid diagram: arrows point to what is imported, those that follow left out."""
-    lines = ["```mermaid", "flowchart BT"]
+    lines = ["```mermaid", "flowchart TD"]
     for package, ours in groupby(rooms(), attrgetter("package")):
         members = list(ours)
         lines += [f"  subgraph {package}"]

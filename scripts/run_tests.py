@@ -33,7 +33,7 @@ def expanded(part: str, arguments: list[str]) -> list[str]:
     result = []
     for before, argument in zip(["-x", *arguments], arguments):
         value = before.startswith("-") and before not in WITHOUT_VALUE and "=" not in before
-        if value or argument.startswith("-") or (ROOT / argument.partition("::")[0]).exists():
+        if value or argument.startswith("-") or "/" in argument:
             result.append(argument)
             continue
         found = [path for root in roots for path in sorted(root.rglob(argument)) if path.is_dir()]

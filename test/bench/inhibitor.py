@@ -47,7 +47,7 @@ RCLPY_ECHO = (sys.executable, str(Path(__file__).with_name("rclpy_echo.py")))
 LEAST = "least inhibitor in Python"
 LEAST_INHIBITOR = (sys.executable, str(Path(__file__).with_name("least_inhibitor.py")))
 # A shared machine stalls for longer than a robot PC may.
-PATIENCE = {"state_timeout": 0.3, "lease": 0.2, "max_time_limit": 60.0}
+TIMEOUTS = {"state_timeout": 0.3, "lease": 0.2, "max_time_limit": 60.0}
 _DISCOVERY_SEC = 30.0
 
 Figures = dict[str, float]
@@ -106,7 +106,7 @@ class InhibitorBench:
         self.process = Process(
             "fastswing_inhibitor",
             "inhibitor",
-            {"robot_description": description, **PATIENCE, **parameters},
+            {"robot_description": description, **TIMEOUTS, **parameters},
             self._environment,
             folder / f"inhibitor_{domain}.log",
         )
@@ -127,7 +127,7 @@ class InhibitorBench:
         except subprocess.CalledProcessError as error:
             raise RuntimeError(f"the inhibitor says:\n{self.process.log_tail()}") from error
         # The next swing is another one: this one ends when joint states stop.
-        time.sleep(2.0 * PATIENCE["state_timeout"])
+        time.sleep(2.0 * TIMEOUTS["state_timeout"])
         return figures
 
     def close(self) -> None:

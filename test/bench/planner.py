@@ -201,9 +201,9 @@ def _asking(
         end_position=robot.postures["end"].tolist(),
     )
 
-    def ask(patience: float = _READY_SEC) -> object:
+    def ask(timeout: float = _READY_SEC) -> object:
         answer = client.call_async(request)
-        executor.spin_until_future_complete(answer, timeout_sec=patience)
+        executor.spin_until_future_complete(answer, timeout_sec=timeout)
         response = answer.result()
         if response is None:
             client.remove_pending_request(answer)

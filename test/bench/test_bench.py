@@ -14,7 +14,6 @@ from rounds import Row
 SMOKE = 0.02
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("name", run_bench.present())
 def test_a_short_run_tells_finite_figures(name: str, tmp_path: Path) -> None:
     module: Any = import_module(name)

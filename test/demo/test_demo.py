@@ -29,8 +29,6 @@ from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI
 from musashi_muscle_bridge.simulation.closed_loop import ClosedLoop
 
-pytestmark = pytest.mark.system
-
 ROOT = Path(__file__).parents[2]
 DEMO = [sys.executable, "-u", str(ROOT / "demo/run_demo.py"), "--output"]
 METHODS = ["basic", "method_1", "method_2"]

@@ -10,11 +10,11 @@ from builtin_interfaces.msg import Duration, Time
 from matplotlib.image import imread
 from paper_values import PAPER
 from rclpy.serialization import serialize_message
-from report import draw_swing, table_text, write_report
+from report import table_text, write_report
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from swing_bag import UnusableBag, read_swing, read_swings
-from swing_picture import draw_figure
+from swing_picture import draw_figure, draw_swing
 
 from fastswing_msgs.msg import (
     CurrentOverride,

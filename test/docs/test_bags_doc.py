@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from fastswing_planner.analysis.figures import FIGURES
-from fastswing_planner.analysis.verdicts.limits_file import parse_limits
+from fastswing_planner.analysis.verdicts.criteria import parse_criteria
 from fastswing_planner.commands.analyse import main
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -21,7 +21,7 @@ def test_every_figure_is_explained(name: str) -> None:
 
 def test_the_example_of_limits_can_be_used() -> None:
     examples = re.findall(r"```yaml\n(.*?)```", TEXT, re.DOTALL)
-    limits = [parse_limits(yaml.safe_load(one)) for one in examples if "each_swing" in one]
+    limits = [parse_criteria(yaml.safe_load(one)) for one in examples if "each_swing" in one]
     assert len(limits) == 1
 
 

@@ -9,7 +9,6 @@ from followed_page import FollowedPage, read_page
 from fastswing_planner.robot.description import load_robot
 
 PAGE = read_page("bring_your_own_arm.md")
-pytestmark = pytest.mark.system
 
 
 @pytest.fixture(scope="module")

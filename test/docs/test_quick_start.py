@@ -14,7 +14,6 @@ from fastswing_planner.robot.path import MUSASHI
 PAGE = read_page("quick_start.md")
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("number", range(len(PAGE.commands)))
 def test_each_command_runs(number: int, tmp_path_factory: pytest.TempPathFactory) -> None:
     assert PAGE.run(tmp_path_factory.mktemp("quick_start"), number)

@@ -1,4 +1,4 @@
-"""The README keeps its word: its example runs, and what its tables name exists."""
+"""The README keeps its word, and what the tables of docs/interfaces.md name exists."""
 
 import re
 import subprocess
@@ -15,17 +15,21 @@ ROOT = Path(__file__).parents[2]
 
 PACKAGES = ("fastswing_inhibitor", "fastswing_planner", "musashi_muscle_bridge")
 README = (ROOT / "README.md").read_text()
+INTERFACES = (ROOT / "docs/interfaces.md").read_text()
+RECOVERY = (ROOT / "docs/recovery.md").read_text()
+SOURCES = ROOT / "ros2_ws/src"
 NODE_SOURCES = {
-    path.name.removesuffix("_node.py"): path.read_text()
+    path.stem.removesuffix("_node"): path.read_text()
     for package in PACKAGES
-    for path in (ROOT / "ros2_ws/src" / package / package).glob("*_node.py")
+    for pattern in ("nodes/*.py", "*_node.py")
+    for path in (SOURCES / package / package).glob(pattern)
 }
 EXAMPLE_SEC = 90.0
 
 
 def table(first_heading: str) -> list[list[str]]:
-    """Return the cells of the README's table that begins with this heading, without its head."""
-    lines = README.splitlines()
+    """Return the cells of the table of interfaces with this first heading, without its head."""
+    lines = INTERFACES.splitlines()
     (start,) = (
         number for number, line in enumerate(lines) if line.startswith(f"| {first_heading} |")
     )
@@ -71,7 +75,6 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
         stop_all([planner])
 
 
-@pytest.mark.system
 def test_the_python_example_plans_method_2_and_masks_the_biceps(
     environment: dict[str, str],
 ) -> None:
@@ -115,15 +118,15 @@ def test_the_table_of_topics_names_what_is_recorded_or_shown_with_its_type() -> 
 
 
 def test_every_topic_is_published_or_subscribed_by_a_node() -> None:
-    links = (ROOT / "ros2_ws/src/fastswing_planner/fastswing_planner/executor_links.py").read_text()
-    sources = "\n".join([links, *(t for name, t in NODE_SOURCES.items() if name != "record")])
+    recording = ("recorder", "recorded_topics")
+    sources = "\n".join(t for name, t in NODE_SOURCES.items() if name not in recording)
     for topic, kind, _, _ in table("topic"):
         assert f'"{code(topic)}"' in sources
         assert interface(code(kind), "msg")
 
 
 def test_every_service_and_action_is_offered_by_the_node_named() -> None:
-    offered = {"planner": "planner", "swing executor": "executor"}
+    offered = {"swing executor": "swing_executor"}
     for name, kind, node, _ in table("service or action"):
         assert f'"{code(name)}"' in NODE_SOURCES[offered.get(node, node)], name
         assert interface(code(kind), "action" if "(action)" in name else "srv")
@@ -164,7 +167,9 @@ def test_every_make_target_named_exists() -> None:
 
 def test_every_file_named_exists() -> None:
     linked = re.findall(r"\]\(([^)#]+)[^)]*\)", README)
-    mentioned = re.findall(r"`((?:demo|docs|fit|ros2_ws/src|scripts)/[\w/.]+)`", README)
+    mentioned = re.findall(
+        r"`((?:demo|docs|fit|ros2_ws/src|scripts)/[\w/.]+)`", README + INTERFACES
+    )
     assert linked
     assert mentioned
     for path in [*linked, *mentioned]:
@@ -182,7 +187,7 @@ def test_numbers_that_are_defaults_are_still_the_defaults() -> None:
         row.name: row for row in import_module("fastswing_planner.nodes.swing_executor").TABLE
     }
     planner = {row.name: row for row in import_module("fastswing_planner.nodes.planner").TABLE}
-    text = " ".join(README.split())
+    text = " ".join([*README.split(), *RECOVERY.split()])
     assert f"`watchdog_timeout`, {bridge['watchdog_timeout'].default:g} s" in text
     assert f"`{bridge['watchdog_action'].default}`, the default" in text
     assert f"holds its length after {bridge['command_timeout'].default:g} s" in text

@@ -20,7 +20,6 @@ from outcome import Outcome, carry_out
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 RUNS = int(os.environ.get("FASTSWING_FAULT_RUNS", "0"))
 """Runs of each timed row; 0: the rows of `make test`, once."""

@@ -6,6 +6,7 @@ import kinematic_fit
 import numpy as np
 import plant_fit
 import pytest
+from evolution import Fitted
 
 
 def test_the_first_guess_of_the_arm_is_judged() -> None:
@@ -16,8 +17,8 @@ def test_the_first_guess_of_the_arm_is_judged() -> None:
 
 def test_the_arm_that_is_written_is_reported_beside_the_paper() -> None:
     robot = kinematic_fit.load_robot(kinematic_fit.ROBOT_YAML)
-    state = kinematic_fit.first_generation(len(kinematic_fit.PARAMETERS), kinematic_fit.SIGMA)
-    reached = kinematic_fit.summarise(robot, state, seed=1)["reached"]
+    guess = Fitted(0, np.zeros(len(kinematic_fit.PARAMETERS)), np.inf)
+    reached = kinematic_fit.summarise(robot, guess, seed=1)["reached"]
     rows = [line.split() for line in kinematic_fit.report_lines(reached)[1:]]
     assert [row[0] for row in rows] == ["basic", "inhibit", "elongate"]
     assert [float(row[1]) for row in rows] == pytest.approx([2.408, 4.390, 3.298], abs=0.002)

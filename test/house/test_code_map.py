@@ -6,55 +6,21 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
+import folder_picture
 import pytest
 from ament_index_python.packages import get_packages_with_prefixes
+from code_map import ROOT, Room, never, room_of_module, room_of_test, rooms
 
-ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "ros2_ws" / "src"
-MAP = (ROOT / "docs" / "code_map.md").read_text()
 ARCHITECTURE = (ROOT / "docs" / "architecture.md").read_text()
 PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/setup.py"))
 MSGS = "fastswing_msgs"
-TOP = "nodes and commands"
-
-
-@dataclass(frozen=True)
-class Row:
-    """A row of the map; `floor` counts from its package's ground."""
-
-    package: str
-    name: str
-    floor: int
-    ros: bool
-    patterns: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Import:
-    """One name that a module imports."""
-
-    what: str
-    within_function: bool
-
-
-def rows() -> list[Row]:
-    found = []
-    for section in MAP.split("\n## ")[1:]:
-        package = re.findall(r"`(\w+)`", section)[0]
-        lines = re.findall(r"^\| ([^|]+) \| (`[^|]+) \|", section, re.MULTILINE)
-        for floor, (name, modules) in enumerate(lines):
-            patterns = tuple(re.findall(r"`([^`]+)`", modules))
-            ros = name.endswith(" (ROS)")
-            found.append(Row(package, name.removesuffix(" (ROS)"), floor, ros, patterns))
-    return found
-
-
-ROWS = rows()
+TOP = ("nodes", "commands")
+MOST_MODULES = 16
 FILES = {
     ".".join(path.relative_to(SOURCE / package).with_suffix("").parts): path
     for package in PACKAGES
@@ -65,27 +31,30 @@ MODULES = sorted(FILES)
 # ProxSuite's own package is installed like one of ROS, and is none.
 ROS = get_packages_with_prefixes().keys() - {*PACKAGES, "proxsuite"}
 each_module = pytest.mark.parametrize("module", MODULES)
+each_room = pytest.mark.parametrize("room", rooms(), ids=lambda one: f"{one.package}-{one.path}")
 
 
-def rows_of(module: str) -> list[Row]:
-    """Return the rows that name a module; if none does, those whose pattern fits it best."""
-    package, _, name = module.partition(".")
-    ours = [row for row in ROWS if row.package == package]
-    named = [row for row in ours if name in row.patterns]
-    fitting = [(row, p) for row in ours for p in row.patterns if fnmatchcase(name, p)]
-    # The ends of names say more than their beginnings: a bag_node is a node.
-    ending = [row for row, pattern in fitting if pattern.startswith("*")]
-    return named or ending or [row for row, _ in fitting]
+@dataclass(frozen=True)
+class Import:
+    """One name that a module imports."""
 
-
-@cache
-def row_of(module: str) -> Row:
-    (row,) = rows_of(module)
-    return row
+    what: str
+    within_function: bool
 
 
 @cache
-def imports(path: Path) -> tuple[Import, ...]:
+def room_of(module: str) -> Room | None:
+    package, *parts = module.split(".")
+    return room_of_module(package, tuple(parts))
+
+
+def known_room(module: str) -> Room:
+    room = room_of(module)
+    assert room is not None, f"docs/code_map.md has no row for {module}"
+    return room
+
+
+def files_of(path: Path) -> tuple[Import, ...]:
     return tuple(_imports(ast.parse(path.read_text()), False))
 
 
@@ -101,13 +70,21 @@ def _imports(node: ast.AST, within: bool) -> Iterator[Import]:
         yield from _imports(child, inner)
 
 
-def bound(module: str) -> set[str]:
-    """Return what a module imports, without what a command imports for one of its options."""
-    return {
-        one.what
-        for one in imports(FILES[module])
-        if not (one.within_function and module.endswith("_command"))
+@cache
+def bound(module: str) -> frozenset[str]:
+    """Return what a module imports, but what it imports in a function: for one of its options."""
+    return frozenset(one.what for one in files_of(FILES[module]) if not one.within_function)
+
+
+def rooms_imported(room: Room) -> set[tuple[str, str]]:
+    """Return package and path of the rooms that a room's modules import."""
+    mine = [module for module in MODULES if room_of(module) == room]
+    found = {
+        (known_room(what).package, known_room(what).path)
+        for module in mine
+        for what in bound(module) & FILES.keys()
     }
+    return found - {(room.package, room.path)}
 
 
 def package_dependencies() -> dict[str, set[str]]:
@@ -121,39 +98,67 @@ def package_dependencies() -> dict[str, set[str]]:
 
 
 @each_module
-def test_a_module_is_in_one_row(module: str) -> None:
-    found = [row.name for row in rows_of(module)]
-    assert len(found) == 1, f"docs/code_map.md has {module} in {found or 'no row'}"
+def test_a_module_stands_in_a_row(module: str) -> None:
+    known_room(module)
 
 
-@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.package}-{row.name}")
-def test_every_module_named_exists(row: Row) -> None:
-    for pattern in row.patterns:
-        assert any(fnmatchcase(module, f"{row.package}.{pattern}") for module in MODULES), pattern
+@each_room
+def test_a_row_holds_modules(room: Room) -> None:
+    assert any(room_of(module) == room for module in MODULES)
+
+
+@each_room
+def test_a_row_names_what_its_modules_import_and_no_more(room: Room) -> None:
+    own = {path for package, path in rooms_imported(room) if package == room.package}
+    assert own == set(room.imports)
+
+
+@each_room
+def test_a_row_imports_only_rows_above_it(room: Room) -> None:
+    ours = [one.path for one in rooms() if one.package == room.package]
+    assert set(room.imports) <= set(ours[: ours.index(room.path)])
+
+
+@each_room
+def test_no_row_imports_nodes_or_commands_of_another_package(room: Room) -> None:
+    foreign = {path for package, path in rooms_imported(room) if package != room.package}
+    assert foreign & {*TOP} == set()
+
+
+@pytest.mark.parametrize(("first", "second"), never())
+def test_what_never_imports_another_does_not(first: str, second: str) -> None:
+    for module in MODULES:
+        room = known_room(module)
+        if f"{room.package}/{room.path}".startswith(first):
+            others = {one.what.replace(".", "/") for one in files_of(FILES[module])}
+            assert not any(other.startswith(f"{second}/") for other in others), module
+
+
+def test_there_are_pairs_that_never_import_each_other() -> None:
+    assert ("musashi_muscle_bridge/control", "musashi_muscle_bridge/emulation") in never()
 
 
 @each_module
 def test_a_module_imports_only_packages_that_its_own_depends_on(module: str) -> None:
     package = module.partition(".")[0]
-    ours = {one.what.partition(".")[0] for one in imports(FILES[module])} & {*PACKAGES, MSGS}
+    ours = {one.what.partition(".")[0] for one in files_of(FILES[module])} & {*PACKAGES, MSGS}
     assert ours - {package} <= package_dependencies()[package]
 
 
-@each_module
-def test_a_module_imports_from_its_row_and_rows_above(module: str) -> None:
-    row = row_of(module)
-    for other in (row_of(what) for what in bound(module) & FILES.keys()):
-        if other.package == row.package:
-            assert other.floor <= row.floor, f"{module} imports from {other.name}"
-        else:
-            assert other.name != TOP, f"{module} imports a node of {other.package}"
-
-
-@pytest.mark.parametrize("module", [module for module in MODULES if not row_of(module).ros])
+@pytest.mark.parametrize("module", [module for module in MODULES if not known_room(module).ros])
 def test_a_module_without_ros_imports_nothing_of_ros(module: str) -> None:
     found = bound(module)
     assert {what.partition(".")[0] for what in found} & ROS == set()
-    assert [what for what in found & FILES.keys() if row_of(what).ros] == []
+    assert [what for what in found & FILES.keys() if known_room(what).ros] == []
+
+
+@each_room
+def test_a_row_that_is_said_to_need_ros_does(room: Room) -> None:
+    mine = [module for module in MODULES if room_of(module) == room]
+    found = {what for module in mine for what in bound(module)}
+    needs = {what.partition(".")[0] for what in found} & ROS
+    needs |= {what for what in found & FILES.keys() if known_room(what).ros}
+    assert bool(needs) == room.ros
 
 
 def test_there_are_no_circles() -> None:
@@ -161,19 +166,31 @@ def test_there_are_no_circles() -> None:
     assert len(list(TopologicalSorter(graph).static_order())) == len(MODULES)
 
 
-def test_control_and_emulated_arm_know_nothing_of_each_other() -> None:
-    sides = {"control": "emulated arm", "emulated arm": "control"}
-    for module in MODULES:
-        row = row_of(module)
-        if row.package == "musashi_muscle_bridge" and row.name in sides:
-            others = {row_of(what).name for what in bound(module) & FILES.keys()}
-            assert sides[row.name] not in others, module
+def test_no_folder_is_a_list() -> None:
+    folders = {path.parent for path in FILES.values()}
+    modules = {folder: len(list(folder.glob("*.py"))) - 1 for folder in folders}
+    assert [str(folder) for folder, count in modules.items() if count > MOST_MODULES] == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_tests_mirror_the_folders(package: str) -> None:
+    """A folder of tests has the name of what it tests; comparisons with ROS stand below it."""
+    tests = SOURCE / package / "test"
+    for path in tests.rglob("test_*.py"):
+        parts = path.relative_to(tests).parts
+        if len(parts) > 1:
+            without = tuple(part for part in parts if part != "against_ros")
+            assert room_of_test(package, without) is not None, path
+
+
+def test_the_picture_of_the_folders_is_that_of_the_table() -> None:
+    assert folder_picture.with_picture(ARCHITECTURE) == ARCHITECTURE
 
 
 def test_the_scripts_need_nothing_but_python() -> None:
     paths = list((ROOT / "scripts").glob("*.py"))
     allowed = {*sys.stdlib_module_names, *(path.stem for path in paths)}
-    assert {one.what.partition(".")[0] for path in paths for one in imports(path)} <= allowed
+    assert {one.what.partition(".")[0] for path in paths for one in files_of(path)} <= allowed
 
 
 PROGRAM = """
@@ -190,7 +207,7 @@ def import_without(blocked: str, modules: list[str]) -> subprocess.CompletedProc
 
 
 def test_everything_without_ros_is_imported_where_there_is_none() -> None:
-    result = import_without(" ".join(ROS), [m for m in MODULES if not row_of(m).ros])
+    result = import_without(" ".join(ROS), [m for m in MODULES if not known_room(m).ros])
     assert (result.returncode, result.stderr) == (0, "")
 
 

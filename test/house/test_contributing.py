@@ -26,11 +26,16 @@ def ask(hook: dict[str, Any], path: Path) -> int:
 def test_every_file_named_exists() -> None:
     named = re.findall(r"`((?:docs|requirements|ros2_ws|security|test)/[\w/.]+)`", TEXT)
     linked = re.findall(r"\]\(([^)#]+)\)", TEXT)
-    tests = re.findall(r"ARGS=\"(ros2_ws\S+)", TEXT)
     assert named
-    assert tests
-    for path in [*named, *linked, *tests]:
+    for path in [*named, *linked]:
         assert (ROOT / path).exists(), path
+
+
+def test_every_folder_of_tests_named_exists() -> None:
+    folders = re.findall(r"ARGS=(\w+)", TEXT)
+    assert folders
+    for folder in folders:
+        assert list((ROOT / "ros2_ws" / "src").glob(f"*/test/{folder}/test_*.py")), folder
 
 
 def test_the_hooks_fetch_nothing() -> None:

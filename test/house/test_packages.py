@@ -23,6 +23,7 @@ PYTHON_PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/setup.py"))
 KEYS = {
     "PIL": "python3-pil",
     "hypothesis": "python3-hypothesis",
+    "jinja2": "python3-jinja2",
     "lz4": "mcap-ros2-support",
     "matplotlib": "python3-matplotlib",
     "mcap": "mcap-ros2-support",

@@ -24,7 +24,6 @@ from processes import (
 
 ROOT = Path(__file__).parents[2]
 
-pytestmark = pytest.mark.system
 
 TIMEOUT_SEC = 60.0
 SILENCE_SEC = 10.0

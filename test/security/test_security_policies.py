@@ -205,7 +205,6 @@ def policy(request: pytest.FixtureRequest) -> Policy:
 # The table beside the running nodes.
 
 
-@pytest.mark.system
 def test_a_node_opens_nothing_that_the_table_does_not_permit(fleet: Fleet, policy: Policy) -> None:
     permitted = access_of(policy, NAMESPACE)
     opened = fleet.opened(policy)
@@ -215,7 +214,6 @@ def test_a_node_opens_nothing_that_the_table_does_not_permit(fleet: Fleet, polic
     )
 
 
-@pytest.mark.system
 def test_a_node_is_permitted_nothing_that_it_does_not_open(fleet: Fleet, policy: Policy) -> None:
     permitted = access_of(policy, NAMESPACE)
     opened = fleet.opened(policy)
@@ -225,7 +223,6 @@ def test_a_node_is_permitted_nothing_that_it_does_not_open(fleet: Fleet, policy:
     )
 
 
-@pytest.mark.system
 def test_every_dds_topic_of_the_domain_is_in_the_table(fleet: Fleet) -> None:
     for policy in NODES:
         fleet.opened(policy)
@@ -235,12 +232,10 @@ def test_every_dds_topic_of_the_domain_is_in_the_table(fleet: Fleet) -> None:
     assert fleet.observer.dds_topics() - permitted == set()
 
 
-@pytest.mark.system
 def test_participants_exchange_the_discovery_topic(fleet: Fleet) -> None:
     assert DISCOVERY_TOPIC in fleet.observer.dds_topics()
 
 
-@pytest.mark.system
 def test_on_simulated_time_a_node_reads_the_clock_and_nothing_else_more(simulated: Fleet) -> None:
     (planner,) = (policy for policy in NODES if policy.node == "planner")
     permitted = access_of(planner, NAMESPACE, sim_time=True)

@@ -10,7 +10,6 @@ from fastswing_msgs.msg import ErrorCode, SwingOptions, SwingTrajectory
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 START = [-0.7475, 0.0, 0.0, -1.9422, 0.0]
 WRONG = {

@@ -22,7 +22,6 @@ from test.system.other_arms import TWO_LINK_ARM
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 END_SEC = 60.0
 ON_THE_BUS = pytest.mark.parametrize("executable", ["bridge", "mock_driver"])

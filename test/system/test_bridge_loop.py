@@ -18,7 +18,6 @@ from fastswing_msgs.msg import LengthCommand, MuscleState
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 RATE_HZ = 500.0
 COUNTED_WITHIN = 2.0

@@ -14,8 +14,6 @@ from fastswing_msgs.msg import MuscleState
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
-
 
 @pytest.fixture(scope="module")
 def lab_bus(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -16,7 +16,6 @@ from fastswing_msgs.msg import MuscleState
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 _PATIENCE_SEC = 120.0
 
 

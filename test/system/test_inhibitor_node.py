@@ -21,7 +21,6 @@ from fastswing_msgs.srv import ArmInhibitor
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 THRESHOLD = 0.07
 FRAME = "base"

@@ -78,7 +78,6 @@ def test_bridge_and_mock_driver_meet_on_the_same_bus() -> None:
     assert f"bus_url:={VALUES['bus_url']}" in found["bridge"] & found["mock_driver"]
 
 
-@pytest.mark.system
 def test_a_file_of_ones_own_can_include_ours_and_remap_its_names(
     left: "Suite", tmp_path: Path
 ) -> None:
@@ -110,7 +109,6 @@ def write_swing(path: Path, robot: Robot) -> Path:
     return bag.write()
 
 
-@pytest.mark.system
 def test_replay_shows_a_bag_to_a_live_inhibitor_and_prints_its_swings(
     left: "Suite", tmp_path: Path
 ) -> None:

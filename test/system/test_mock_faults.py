@@ -12,7 +12,6 @@ from fastswing_msgs.msg import MuscleState
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 ARM_FAULTS = ("stuck_encoder", "dead_board", "hot_motor", "broken_wire")
 LINE_FAULTS = ("latency", "jitter", "loss", "corruption")

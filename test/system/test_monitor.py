@@ -17,7 +17,6 @@ from test.system.pseudo_terminal import PseudoTerminal
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 END_SEC = 60.0
 PATIENT_SEC = 2.0

@@ -20,7 +20,6 @@ from fastswing_msgs.msg import ErrorCode, MuscleState
 
 ROOT = Path(__file__).parents[2]
 
-pytestmark = pytest.mark.system
 
 TIMEOUT_SEC = 90.0
 FORGOTTEN_SEC = 60.0

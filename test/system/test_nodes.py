@@ -18,7 +18,6 @@ from rcl_interfaces.srv import GetParameters
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 EXECUTABLES = [
     "mock_driver",

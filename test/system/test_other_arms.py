@@ -13,8 +13,6 @@ from test.system.other_arms import TWO_LINK_ARM, write_hand
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
-
 
 def bring_up(world: "Suite", robot: Path, **parameters: object) -> None:
     """Start both nodes and wait until every muscle holds."""

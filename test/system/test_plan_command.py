@@ -9,8 +9,6 @@ from typing import Any
 import pytest
 from processes import executable
 
-pytestmark = pytest.mark.system
-
 TIMEOUT_SEC = 120.0
 
 

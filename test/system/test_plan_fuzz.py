@@ -22,7 +22,6 @@ from fastswing_planner.conversion.error_codes import error_name
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 COUNT = 10_000
 ANSWER_SEC = 60.0

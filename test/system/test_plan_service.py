@@ -15,7 +15,6 @@ from fastswing_msgs.srv import PlanSwing
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 BASIC, METHOD_1, METHOD_2, HYBRID = (
     SwingOptions.METHOD_BASIC,

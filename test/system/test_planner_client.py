@@ -39,7 +39,6 @@ from fastswing_planner.robot.muscle_model import Payload
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 START = {"S-p": -0.7475, "S-r": 0.0, "S-y": 0.0, "E-p": -1.9422, "E-y": 0.0}
 END = {"S-p": -0.4108, "S-r": 0.0, "S-y": 0.0, "E-p": -0.5995, "E-y": 0.0}

@@ -33,7 +33,6 @@ from fastswing_planner.robot.path import MUSASHI
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 5_000_000

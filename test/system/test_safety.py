@@ -19,7 +19,6 @@ from fastswing_msgs.msg import CurrentOverride, ErrorCode, LengthCommand, Muscle
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 MUSCLES = [f"#{number}" for number in range(1, 11)]
 FAR = 10.0

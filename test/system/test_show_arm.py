@@ -10,7 +10,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 PATIENT_SEC = 2.0
 RATE = 5.0

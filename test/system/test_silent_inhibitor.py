@@ -13,7 +13,6 @@ from fastswing_msgs.srv import ArmInhibitor
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 SILENT = "the inhibitor has been silent for"
 ATTEMPTS = 4

@@ -28,7 +28,6 @@ from fastswing_planner.execution.settings import Phase
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 NODES: dict[str, dict[str, object]] = {
     "mock_driver": {},

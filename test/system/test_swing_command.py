@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-import pytest
 from processes import executable, isolated_environment
 
 from fastswing_msgs.msg import MuscleState
@@ -14,7 +13,6 @@ from fastswing_msgs.msg import MuscleState
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 _PATIENCE_SEC = 120.0
 

@@ -9,7 +9,6 @@ from fastswing_msgs.msg import ErrorCode, SwingOptions
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 METHODS = {
     "basic": SwingOptions.METHOD_BASIC,

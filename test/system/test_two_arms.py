@@ -17,7 +17,6 @@ from fastswing_planner.bags.reader import open_bag
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 LAUNCH = Path(get_package_share_directory("musashi_muscle_bridge")) / "launch/mock.launch.xml"
 NODES = ("mock_driver", "bridge", "planner", "swing_executor", "inhibitor", "show_arm")

@@ -20,7 +20,6 @@ from fastswing_planner.robot.path import MUSASHI, resolve_path
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-pytestmark = pytest.mark.system
 
 MUSCLES = [f"#{number}" for number in range(1, 11)]
 JOINTS = ["S-p", "S-r", "S-y", "E-p", "E-y"]

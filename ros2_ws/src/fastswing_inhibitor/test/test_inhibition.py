@@ -1,7 +1,6 @@
 """Which muscles the rule inhibits, and what ends a swing; on two joints and four muscles."""
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -17,9 +16,9 @@ from fastswing_inhibitor.inhibition import (
     JointNumbers,
     Reason,
 )
-from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.arrays import frozen
 from fastswing_planner.errors import NotReady, OutOfRange, StaleState
-from fastswing_planner.robot.muscle_model import Payload
+from fastswing_planner.testing.arms import LinearArm
 
 # Muscle 0 resists joint 0 going up, 1 helps it; 2 and 3 do so for joint 1.
 JACOBIAN = np.array([[0.06, 0.0], [-0.06, 0.0], [0.0, 0.03], [0.0, -0.03]])
@@ -27,30 +26,6 @@ LIMIT = frozen([0.3, 0.3, 0.3, 0.3])
 START = 10.0
 PERIOD = 0.005
 SETTINGS = InhibitionSettings()
-
-
-class FourMuscles:
-    """Constant moment arms, so that q can be computed by hand."""
-
-    joint_names = ("j0", "j1")
-    muscle_names = ("m0", "m1", "m2", "m3")
-    joint_lower = frozen([-10.0, -10.0])
-    joint_upper = frozen([10.0, 10.0])
-
-    def lengths(self, joint_position: Vector) -> Vector:
-        return frozen(1.0 + JACOBIAN @ joint_position)
-
-    def jacobian(self, joint_position: Vector) -> Matrix:
-        return JACOBIAN
-
-    def muscle_velocity(
-        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
-    ) -> list[float]:
-        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
-        return speeds
-
-    def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
-        return frozen(np.zeros(2))
 
 
 def arming(
@@ -71,7 +46,7 @@ def joints(
 
 
 def disarmed(settings: InhibitionSettings = SETTINGS) -> Inhibition:
-    return Inhibition(FourMuscles(), LIMIT, settings)
+    return Inhibition(LinearArm(JACOBIAN, joint_range=10.0), LIMIT, settings)
 
 
 def armed(
@@ -279,7 +254,7 @@ def test_an_old_joint_state_is_not_decided_on() -> None:
 
 def test_a_joint_state_whose_lease_is_over_is_not_decided_on() -> None:
     patient = dataclasses.replace(SETTINGS, state_timeout=0.5, lease=0.04)
-    inhibition = Inhibition(FourMuscles(), LIMIT, patient)
+    inhibition = Inhibition(LinearArm(JACOBIAN, joint_range=10.0), LIMIT, patient)
     inhibition.see(START)
     inhibition.arm(arming())
     with pytest.raises(StaleState, match=r"^a joint state is 0\.045 s old, at most 0\.04 s$"):

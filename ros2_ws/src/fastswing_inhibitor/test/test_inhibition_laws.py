@@ -1,7 +1,5 @@
 """Whatever happens while armed, nothing is let go after the end, and the end comes in time."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -14,37 +12,14 @@ from fastswing_inhibitor.inhibition import (
     JointNumbers,
     Reason,
 )
-from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.arrays import frozen
 from fastswing_planner.errors import NotReady, StaleState
-from fastswing_planner.robot.muscle_model import Payload
+from fastswing_planner.testing.arms import LinearArm
 
+# One joint with an agonist and an antagonist.
 JACOBIAN = frozen([[0.06], [-0.06]])
 SETTINGS = InhibitionSettings()
 LIMIT_SEC = 1.0
-
-
-class TwoMuscles:
-    """One joint with an agonist and an antagonist."""
-
-    joint_names = ("j0",)
-    muscle_names = ("m0", "m1")
-    joint_lower = frozen([-10.0])
-    joint_upper = frozen([10.0])
-
-    def lengths(self, joint_position: Vector) -> Vector:
-        return frozen(JACOBIAN @ joint_position)
-
-    def jacobian(self, joint_position: Vector) -> Matrix:
-        return JACOBIAN
-
-    def muscle_velocity(
-        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
-    ) -> list[float]:
-        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
-        return speeds
-
-    def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
-        return frozen(np.zeros(1))
 
 
 class AnyArming(RuleBasedStateMachine):
@@ -52,7 +27,9 @@ class AnyArming(RuleBasedStateMachine):
 
     @initialize()
     def begin(self) -> None:
-        self.inhibition = Inhibition(TwoMuscles(), frozen([0.3, 0.3]), SETTINGS)
+        self.inhibition = Inhibition(
+            LinearArm(JACOBIAN, joint_range=10.0), frozen([0.3, 0.3]), SETTINGS
+        )
         self.now = 10.0
         self.armed_at = -np.inf
         self.newest = -np.inf

@@ -1,12 +1,11 @@
-"""What the command lines of `plan` and `swing` have in common."""
+"""What commands have in common: arguments, and text for a terminal."""
 
 import argparse
 import os
 import re
 import sys
+from collections.abc import Sequence
 from typing import NoReturn
-
-from fastswing_planner.planning.request import Method
 
 _NEGATIVE = re.compile(r"^-[0-9.][0-9.,eE+-]*$")
 
@@ -22,19 +21,6 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the line and end with 2."""
         self.exit(2, f"{self.prog}: {message}; see --help\n")
-
-    def add_swing(self, robot: str, method: Method) -> None:
-        """Add what says which swing; arguments are the defaults."""
-        methods = [one.name.lower() for one in Method]
-        default = method.name.lower()
-        self.add_argument(
-            "--robot", default=robot, help="YAML file of the robot; default: %(default)s"
-        )
-        self.add_argument(
-            "--start", default="start", help="angles [rad] with commas, or a posture of the robot"
-        )
-        self.add_argument("--end", default="end", help="the same")
-        self.add_argument("--method", choices=methods, default=default, help="default: %(default)s")
 
 
 def numbers(text: str) -> list[float]:
@@ -52,3 +38,13 @@ def say(text: str) -> None:
     except BrokenPipeError:
         # Python would complain once more when it flushes at its end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def text_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return aligned columns below a line; each row has as many cells as `head`."""
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (head, *rows)
+    ]
+    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])

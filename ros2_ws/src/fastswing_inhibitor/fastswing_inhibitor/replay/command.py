@@ -4,7 +4,7 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 from fastswing_inhibitor.inhibition import InhibitionSettings
@@ -16,7 +16,6 @@ from fastswing_planner.command_line import say
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.planning.task import checked_threshold
 from fastswing_planner.robot.description import load_robot
-from fastswing_planner.robot.limits import muscle_limits
 from fastswing_planner.robot.path import MUSASHI
 
 _SETTINGS = InhibitionSettings()
@@ -46,8 +45,8 @@ def _replay(options: argparse.Namespace) -> int:
     if options.threshold is not None:
         checked_threshold(options.threshold)
     if options.velocity_limit is not None:
-        changed_limits = {**vars(robot.limits), "velocity": options.velocity_limit}
-        muscle_limits(robot.model.muscle_names, **changed_limits)
+        changed_limits = replace(robot.limits, velocity=options.velocity_limit)
+        changed_limits.checked(robot.model.muscle_names)
     bag = open_bag(*options.bag)
     settings = InhibitionSettings(
         **{row.name: getattr(options, row.name) for row in fields(InhibitionSettings)}

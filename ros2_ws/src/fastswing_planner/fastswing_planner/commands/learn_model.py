@@ -16,9 +16,8 @@ from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescript
 from fastswing_planner.learning.fitting import fit_correction
 from fastswing_planner.learning.samples import MuscleSamples, muscle_samples
 from fastswing_planner.robot.description import Robot, load_robot
-from fastswing_planner.robot.learned_model import mjcf_hash
+from fastswing_planner.robot.learned_model import LearnedMuscleModel, mjcf_hash
 from fastswing_planner.robot.length_correction import LengthCorrection, save_correction
-from fastswing_planner.robot.mujoco_model import MujocoMuscleModel
 from fastswing_planner.robot.path import MUSASHI
 
 
@@ -74,11 +73,9 @@ def learned(robot: Robot, samples: MuscleSamples) -> tuple[LengthCorrection, Mat
     """Return the correction, and the MJCF's difference before [m], shape (k, m)."""
     if not len(samples.joint_position):
         raise InvalidRequest("no joint states near the muscle states in time: nothing to learn")
-    model = robot.model
     # The MJCF's own lengths: what a robot that was learned before knows is learned anew.
-    lengths = np.array(
-        [MujocoMuscleModel.lengths(model, posture) for posture in samples.joint_position]
-    )
+    model = robot.model.plain if isinstance(robot.model, LearnedMuscleModel) else robot.model
+    lengths = np.array([model.lengths(posture) for posture in samples.joint_position])
     difference = np.where(samples.usable, samples.length - lengths, 0.0)
     correction = fit_correction(
         model.joint_names, model.muscle_names, samples.joint_position, difference, samples.usable

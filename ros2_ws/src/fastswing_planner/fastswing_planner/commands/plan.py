@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from fastswing_planner.command_line import OneLineParser, numbers, say
 from fastswing_planner.commands.plan_report import comparison_record, plan_record, plan_text
-from fastswing_planner.commands.swing_arguments import posture_argument
+from fastswing_planner.commands.swing_arguments import add_swing_arguments, posture_argument
 from fastswing_planner.errors import (
     InvalidRequest,
     PlannerError,
@@ -118,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Plan one swing, and compare all methods. Nothing moves.",
     )
     add = parser.add_argument
-    parser.add_swing(MUSASHI, Method.ELONGATE)
+    add_swing_arguments(parser, MUSASHI, Method.ELONGATE)
     searches = [search.name.lower() for search in Search]
     add("--search", choices=searches, default="greedy", help="default: greedy, the paper's")
     add("--time-limit", type=float, default=float("inf"), metavar="SEC", help="of the search")

@@ -2,24 +2,26 @@
 
 import enum
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
+from fastswing_planner.command_line import text_table
 from fastswing_planner.planning.plan import Outcome, SwingPlan
 
 
 def plan_text(plan: SwingPlan, comparison: Sequence[Outcome]) -> str:
     """Return tables of a plan, the masks that were tried, and all methods side by side."""
     parts = [
-        _table(["joint", "start [rad]", "end [rad]"], _posture_rows(plan)),
-        _table(
+        text_table(["joint", "start [rad]", "end [rad]"], _posture_rows(plan)),
+        text_table(
             ["method", "time [s]", "peak speed [rad/s]", "elongated", "inhibited"],
             [_outcome_row(outcome) for outcome in comparison],
         ),
         f"{plan.method.name.lower()}, {plan.time_cost:.2f} s "
         f"instead of {plan.time_cost_basic:.2f} s:",
-        _table(
+        text_table(
             [
                 "muscle",
                 "q [s/rad]",
@@ -33,7 +35,7 @@ def plan_text(plan: SwingPlan, comparison: Sequence[Outcome]) -> str:
             _muscle_rows(plan),
         ),
         f"The start can be held with {plan.holding_margin:.2f} N m more in any direction.",
-        _table(
+        text_table(
             ["masks tried", "time [s]", "torque missing [N m]", "verdict"],
             [
                 [
@@ -61,7 +63,7 @@ def _proof(plan: SwingPlan) -> list[str]:
 
 def plan_record(plan: SwingPlan) -> dict[str, Any]:
     """Return a plan as plain numbers, texts, lists and dictionaries, named as its fields."""
-    record = {name: _plain(value) for name, value in vars(plan).items()}
+    record = {field.name: _plain(getattr(plan, field.name)) for field in fields(plan)}
     record["time_cost"] = plan.time_cost
     record["tension_rise"] = plan.tension_rise.tolist()
     return record
@@ -92,8 +94,8 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    if hasattr(value, "__dict__"):
-        return {name: _plain(item) for name, item in vars(value).items()}
+    if is_dataclass(value):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
     return value
 
 
@@ -107,7 +109,7 @@ def _posture_rows(plan: SwingPlan) -> list[list[str]]:
 def _outcome_row(outcome: Outcome) -> list[str]:
     name = outcome.method.name.lower()
     if outcome.plan is None:
-        return [name, "", "", f"{outcome.error}"]
+        return [name, "", "", f"{outcome.error}", ""]
     plan = outcome.plan
     peaks = _peaks(plan)
     fastest = int(np.argmax(peaks))
@@ -147,13 +149,3 @@ def _peaks(plan: SwingPlan) -> Any:
 
 def _names(names: Sequence[str]) -> str:
     return " ".join(names) or "none"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    full = [[*row, *[""] * (len(head) - len(row))] for row in rows]
-    widths = [max(map(len, column)) for column in zip(head, *full, strict=True)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (head, *full)
-    ]
-    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])

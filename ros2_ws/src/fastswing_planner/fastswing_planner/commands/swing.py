@@ -17,7 +17,7 @@ from rclpy.task import Future
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingOptions
 from fastswing_planner.command_line import OneLineParser, say
-from fastswing_planner.commands.swing_arguments import posture_argument
+from fastswing_planner.commands.swing_arguments import add_swing_arguments, posture_argument
 from fastswing_planner.conversion.error_codes import error_name
 from fastswing_planner.errors import (
     InvalidRequest,
@@ -163,7 +163,7 @@ def _parser() -> OneLineParser:
         description="Swing the arm through the running nodes. The arm moves. Ctrl-C cancels: the "
         "arm holds where it is.",
     )
-    parser.add_swing(MUSASHI, Method.BASIC)
+    add_swing_arguments(parser, MUSASHI, Method.BASIC)
     add = parser.add_argument
     add("--namespace", default="", help="of the arm's nodes, such as left; default: none")
     add("--preempt", action="store_true", help="take the place of a swing that runs")

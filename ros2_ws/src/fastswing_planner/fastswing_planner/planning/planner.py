@@ -18,7 +18,7 @@ from fastswing_planner.planning.speed_index import swing_speed_index
 from fastswing_planner.planning.swing import Trajectory, simulate_swing
 from fastswing_planner.planning.task import SwingTask, checked_task
 from fastswing_planner.qp.problem import QpSolver
-from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
+from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 
 HIGH_TENSION = 0.8
@@ -37,7 +37,7 @@ class SwingPlanner:
         """
         self._model = model
         # Once: requests that change none of them are planned without another look.
-        self._limits = muscle_limits(model.muscle_names, **vars(limits))
+        self._limits = limits.checked(model.muscle_names)
         self._solver = solver
 
     def hold(

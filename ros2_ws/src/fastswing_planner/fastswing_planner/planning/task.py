@@ -1,7 +1,7 @@
 """A request becomes a task: every number checked against the robot."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,7 +25,7 @@ from fastswing_planner.errors import (
 )
 from fastswing_planner.planning.request import Method, MuscleConstants, Search, SwingRequest
 from fastswing_planner.planning.swing import SwingSettings
-from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
+from fastswing_planner.robot.limits import MuscleLimits
 from fastswing_planner.robot.muscle_model import MuscleModel, Payload
 
 _LARGEST_POSITION = 1000.0  # [rad] of a joint without limits
@@ -152,7 +152,7 @@ def requested_limits(
             changed[field_name] = vector
     if not changed:
         return limits
-    return muscle_limits(model.muscle_names, **{**vars(limits), **changed})
+    return replace(limits, **changed).checked(model.muscle_names)
 
 
 def checked_threshold(value: float) -> float:

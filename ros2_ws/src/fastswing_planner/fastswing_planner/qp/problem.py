@@ -1,6 +1,6 @@
 """Quadratic programs, and what solves them."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -27,7 +27,7 @@ class QuadraticProgram:
 
     def save(self, path: Path) -> None:
         """Write the problem to an `.npz` file, to become a regression test."""
-        np.savez(path, **vars(self))
+        np.savez(path, **asdict(self))
 
     @staticmethod
     def load(path: Path) -> "QuadraticProgram":

@@ -1,6 +1,6 @@
 """A robot's description: an MJCF file, and a YAML file with what an MJCF cannot say."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from fastswing_planner.robot.learned_model import LearnedMuscleModel, mjcf_hash
 from fastswing_planner.robot.length_correction import load_correction
 from fastswing_planner.robot.limits import MuscleLimits, muscle_limits
 from fastswing_planner.robot.mujoco_model import MujocoMuscleModel, load_mjcf
+from fastswing_planner.robot.muscle_model import MuscleModel
 from fastswing_planner.robot.path import resolve_path
 
 _REQUIRED = (
@@ -54,7 +55,7 @@ class Robot:
 
     path: Path
     mjcf: Path
-    model: MujocoMuscleModel
+    model: MujocoMuscleModel | LearnedMuscleModel
     limits: MuscleLimits
     tension_limit: Vector
     current_limit: Vector
@@ -131,7 +132,7 @@ def _build(path: Path, content: dict[str, Any]) -> Robot:
         tension_limit=_tension_limit(content, muscles, limits),
         current_limit=_positive(content, "current_limit", muscles),
         wire_stiffness=_positive(content, "wire_stiffness", muscles),
-        payload_body=_body(_text(content, "payload_body"), model),
+        payload_body=_body(_text(content, "payload_body"), model.body_names),
         postures=_postures(content["postures"], model),
         plant=plant,
         board_groups=board_groups(content.get("board_groups"), muscles, joints),
@@ -144,13 +145,14 @@ def _model(
     content: dict[str, Any],
     joints: tuple[str, ...],
     muscles: tuple[str, ...],
-) -> MujocoMuscleModel:
+) -> MujocoMuscleModel | LearnedMuscleModel:
     keyframe = _text(content, "keyframe")
     learned = _text(content, "learned_muscles")
     if not learned:
         return MujocoMuscleModel(load_mjcf(mjcf), joints, muscles, keyframe)
     correction = load_correction(path.parent / learned, joints, muscles, mjcf_hash(mjcf))
-    return LearnedMuscleModel(load_mjcf(mjcf), correction, keyframe)
+    plain = MujocoMuscleModel(load_mjcf(mjcf), joints, muscles, keyframe)
+    return LearnedMuscleModel(plain, correction)
 
 
 def _names(content: dict[str, Any], key: str) -> tuple[str, ...]:
@@ -168,15 +170,15 @@ def _text(content: dict[str, Any], key: str) -> str:
     return text
 
 
-def _body(name: str, model: MujocoMuscleModel) -> str:
+def _body(name: str, body_names: Sequence[str]) -> str:
     try:
-        unique_known("body", [name], model.body_names)
+        unique_known("body", [name], body_names)
     except InvalidRequest as error:
         raise RobotDescriptionError(f"key 'payload_body': {error}") from error
     return name
 
 
-def _postures(postures: Any, model: MujocoMuscleModel) -> dict[str, Vector]:
+def _postures(postures: Any, model: MuscleModel) -> dict[str, Vector]:
     if not isinstance(postures, dict):
         raise RobotDescriptionError("key 'postures' must map names to lists of angles [rad]")
     if "home" not in postures:
@@ -184,7 +186,7 @@ def _postures(postures: Any, model: MujocoMuscleModel) -> dict[str, Vector]:
     return {str(name): _posture(str(name), angles, model) for name, angles in postures.items()}
 
 
-def _posture(name: str, angles: Any, model: MujocoMuscleModel) -> Vector:
+def _posture(name: str, angles: Any, model: MuscleModel) -> Vector:
     try:
         posture = finite_vector(f"posture '{name}'", angles, model.joint_names)
     except (TypeError, ValueError, OverflowError) as error:

@@ -24,6 +24,15 @@ class MuscleLimits:
     tension_min: Vector
     tension_max: Vector
 
+    def checked(self, muscle_names: tuple[str, ...]) -> "MuscleLimits":
+        """Return these limits as `muscle_limits` makes them, whatever arrays they were made of.
+
+        Raises InvalidLimit, InvalidTensionRange or NotFinite.
+        """
+        return muscle_limits(
+            muscle_names, self.velocity, self.acceleration, self.tension_min, self.tension_max
+        )
+
 
 # Name, range and unit of each limit; far beyond any muscle, but near enough for the arithmetic.
 _RANGES = (

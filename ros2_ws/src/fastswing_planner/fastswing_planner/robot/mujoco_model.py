@@ -81,22 +81,39 @@ class MujocoMuscleModel:
         self.joint_lower = frozen(np.where(limited, model.jnt_range[joints, 0], -np.inf))
         self.joint_upper = frozen(np.where(limited, model.jnt_range[joints, 1], np.inf))
         self._dofs = contiguous(model.jnt_dofadr[joints])
+        reference = reference_position(model, keyframe)
+        self._coupling = JointCoupling(model, joints, reference)
+        self._prepare_jacobian()
+        self._prepare_muscle_velocity(contiguous(model.jnt_qposadr[joints]), reference)
+        postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
+        for posture in postures:
+            refuse_restrained_joints(model, self._coupling, posture)
+        self._refuse_useless_muscles_and_joints(postures)
+
+    def _prepare_jacobian(self) -> None:
         # Views of MuJoCo's memory: looked up once.
         self._qpos, self._path_length = self._data.qpos, self._data.ten_length
         # A model whose tendons move nothing has no element at all; one is taken in any case.
         self._sparse_arms = self._data.ten_J if self._data.ten_J.size else np.zeros(1)
-        reference = reference_position(model, keyframe)
-        self._coupling = JointCoupling(model, joints, reference)
-        places = sparse_places(model)[self._tendons]
+        places = sparse_places(self._model)[self._tendons]
         if not self._coupling.followers:
             places = places[:, self._dofs]
-        # For `muscle_velocity`; struct takes plain numbers quicker than numpy.
+        self._absent, self._places = places < 0, np.maximum(places, 0)
+        self._smallest = np.full(
+            (len(self.muscle_names), len(self.joint_names)), SMALLEST_MOMENT_ARM
+        )
+        if not self._coupling.followers:
+            self._smallest[self._absent] = np.inf  # whatever stands there is another element's
+
+    def _prepare_muscle_velocity(
+        self, qpos_places: NDArray[np.int_] | slice, reference: Vector
+    ) -> None:
         moving = self._moving
         moving.qpos[:] = reference
+        # struct takes plain numbers quicker than numpy.
         self._moving_qpos, self._moving_qvel = moving.qpos.data, moving.qvel.data
         self._path_speed = moving.ten_velocity
         self._in_a_row: tuple[int, int] | None = None  # where in qpos and qvel [bytes]
-        qpos_places = contiguous(model.jnt_qposadr[joints])
         if (
             isinstance(qpos_places, slice)
             and isinstance(self._dofs, slice)
@@ -105,16 +122,6 @@ class MujocoMuscleModel:
             size = struct.calcsize("d")
             self._in_a_row = size * qpos_places.start, size * self._dofs.start
         self._put = struct.Struct(f"{len(self.joint_names)}d").pack_into
-        self._absent, self._places = places < 0, np.maximum(places, 0)
-        self._smallest = np.full(
-            (len(self.muscle_names), len(self.joint_names)), SMALLEST_MOMENT_ARM
-        )
-        if not self._coupling.followers:
-            self._smallest[self._absent] = np.inf  # whatever stands there is another element's
-        postures = self._probe_postures(reference[model.jnt_qposadr[joints]])
-        for posture in postures:
-            refuse_restrained_joints(model, self._coupling, posture)
-        self._refuse_useless_muscles_and_joints(postures)
 
     def full_position(self, joint_position: Vector) -> Vector:
         """Return MuJoCo's `qpos` of a posture: all joints of the MJCF, shape (nq,)."""

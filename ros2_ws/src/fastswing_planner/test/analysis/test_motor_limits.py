@@ -12,7 +12,8 @@ from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, limits_known
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.analysis.report.record import findings_record
+from fastswing_planner.analysis.report.record import results_record
+from fastswing_planner.analysis.report.results import Results
 from fastswing_planner.analysis.report.text import beyond_text
 
 Recorded = Callable[..., Recording]
@@ -61,5 +62,5 @@ def test_muscles_of_unknown_speed_are_told(without_10: Recording) -> None:
 
 def test_in_json_unknown_is_null_and_not_none_at_all(without_10: Recording) -> None:
     found = examine("run.mcap", [without_10], FindingSettings())
-    (bag,) = findings_record([found], WIDE)["bags"]
+    (bag,) = results_record(Results([found], WIDE))["bags"]
     assert bag["swings"][0]["beyond_velocity_limit"] is None

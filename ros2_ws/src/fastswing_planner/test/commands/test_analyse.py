@@ -401,7 +401,6 @@ def test_notes_of_a_recorder_that_make_no_sense_are_a_line(lost: str) -> None:
     ]
 
 
-@pytest.mark.system
 def test_a_reader_that_has_seen_enough_is_no_error(bag: Path) -> None:
     program = (
         "from fastswing_planner.commands.analyse import main\n"

@@ -1,13 +1,11 @@
 """Whatever happens to a swing, it ends in a held posture and commands nothing afterwards."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.errors import SwingAborted
 from fastswing_planner.execution.measurements import (
     InhibitionReport,
@@ -19,7 +17,7 @@ from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.execution.swing_execution import SwingCommands, SwingExecution
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.request import Method
-from fastswing_planner.robot.muscle_model import Payload
+from fastswing_planner.testing.arms import LinearArm
 
 START, END = -1.0, 0.5
 PERIOD = 0.01
@@ -31,30 +29,6 @@ LONGEST_SEC = sum(
 )
 FASTEST = 0.15 + np.pi / 2 * 0.3
 """[m/s] of the ways before the swing: 3 rad/s at 0.05 m, or paying out."""
-
-
-class TwoMuscles:
-    """One joint, constant moment arms, no weight."""
-
-    joint_names = ("j0",)
-    muscle_names = ("m0", "m1")
-    joint_lower = frozen([-10.0])
-    joint_upper = frozen([10.0])
-
-    def lengths(self, joint_position: Vector) -> Vector:
-        return frozen(JACOBIAN @ joint_position)
-
-    def jacobian(self, joint_position: Vector) -> Matrix:
-        return JACOBIAN
-
-    def muscle_velocity(
-        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
-    ) -> list[float]:
-        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
-        return speeds
-
-    def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
-        return frozen(np.zeros(1))
 
 
 class AnySwing(RuleBasedStateMachine):
@@ -78,7 +52,7 @@ class AnySwing(RuleBasedStateMachine):
         )
         self.method = method
         self.execution = SwingExecution(
-            TwoMuscles(),
+            LinearArm(JACOBIAN),
             lambda _: Holding(True, 0.0, frozen([50.0, 50.0])),
             frozen([7000.0, 7000.0]),
             swing,

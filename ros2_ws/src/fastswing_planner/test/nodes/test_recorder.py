@@ -36,8 +36,6 @@ from fastswing_msgs.msg import SwingPlan
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import NOTES
 
-pytestmark = pytest.mark.system
-
 DOMAIN = 87
 TIMEOUT_SEC = 30.0
 

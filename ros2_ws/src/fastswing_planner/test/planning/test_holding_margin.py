@@ -17,7 +17,7 @@ from fastswing_planner.qp.solvers import SOLVERS, solver_from
 
 SEED = st.integers(0, 2**32 - 1)
 SOLVER = st.sampled_from(list(SOLVERS))
-FEW = settings(max_examples=25)
+FEW = settings(max_examples=min(25, settings().max_examples))
 LOW, HIGH = 10.0, 200.0
 
 

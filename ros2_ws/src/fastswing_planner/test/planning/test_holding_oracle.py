@@ -10,6 +10,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from hypothesis import settings
 from scipy.optimize import linprog, lsq_linear
 
 from fastswing_planner.arrays import BoolVector, Matrix, Vector
@@ -18,7 +19,7 @@ from fastswing_planner.qp.problem import QuadraticProgram
 from fastswing_planner.qp.solvers import SOLVERS, solver_from
 from fastswing_planner.robot.limits import muscle_limits
 
-COUNT = 2000
+COUNT = round(2000 * min(settings().max_examples / 60, 1.0))  # fewer in a quick run
 MUSCLES, JOINTS = 10, 5
 LOW, HIGH = 10.0, 200.0
 LIMITS = muscle_limits(tuple("abcdefghij"), 0.3, 0.46, LOW, HIGH)
@@ -70,7 +71,7 @@ def distance(arms: Matrix, torque: Vector) -> float:
     spare = float((farthest(arms, normals) - normals @ torque).min())
     if spare >= 0.0:
         return spare
-    return -float(np.sqrt(2.0 * lsq_linear(-arms.T, torque, (LOW, HIGH), tol=1e-14).cost))
+    return -float(np.sqrt(2.0 * lsq_linear(-arms.T, torque, (LOW, HIGH), method="bvls").cost))
 
 
 def on_a_face(arms: Matrix, rng: np.random.Generator) -> tuple[Vector, Vector]:
@@ -168,7 +169,7 @@ def test_a_third_of_the_postures_is_within_1e_5_to_1e_1_newton_metres_of_the_bou
     # Both sides, and every decade.
     decades = np.floor(np.log10(np.abs(near)))
     for side in (near > 0, near < 0):
-        assert all(np.sum(side & (decades == decade)) > 50 for decade in range(-5, -1))
+        assert all(np.sum(side & (decades == decade)) > COUNT // 50 for decade in range(-5, -1))
 
 
 def test_highs_agrees_with_how_the_postures_were_made(

@@ -1,7 +1,7 @@
 """Laws that every plan obeys, whatever the arm, and one that looks like a law and is none."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -80,7 +80,7 @@ WAY = st.builds(
 
 
 def rearranged(limits: MuscleLimits, order: NDArray[np.int_]) -> MuscleLimits:
-    return MuscleLimits(**{name: value[order] for name, value in vars(limits).items()})
+    return MuscleLimits(**{name: value[order] for name, value in asdict(limits).items()})
 
 
 def near(expected: Any, within: float = 1e-6) -> Any:

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -139,8 +139,8 @@ def test_a_saved_problem_is_read_back(tmp_path: Path) -> None:
     problem = random_program(7)
     problem.save(tmp_path / "problem.npz")
     again = QuadraticProgram.load(tmp_path / "problem.npz")
-    assert {name: value.tolist() for name, value in vars(again).items()} == {
-        name: value.tolist() for name, value in vars(problem).items()
+    assert {name: value.tolist() for name, value in asdict(again).items()} == {
+        name: value.tolist() for name, value in asdict(problem).items()
     }
 
 

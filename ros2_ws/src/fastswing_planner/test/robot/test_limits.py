@@ -1,6 +1,7 @@
 """Limits that make no sense are refused, and the text names muscle, value and unit."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -103,3 +104,14 @@ def test_values_that_fit_no_muscle_are_shown(values: object) -> None:
     with pytest.raises(InvalidLimit) as caught:
         limits_with(velocity=values)
     assert str(caught.value) == f"velocity_limit is {values!r}, expected one number or 2 numbers"
+
+
+def test_limits_with_one_replaced_are_checked_again() -> None:
+    changed = replace(limits_with(), velocity=np.array([0.3, -1.0]))
+    with pytest.raises(InvalidLimit, match=r"^velocity_limit of b is -1 m/s, must be positive$"):
+        changed.checked(MUSCLES)
+
+
+def test_checking_makes_one_number_count_for_every_muscle() -> None:
+    changed = replace(limits_with(), velocity=np.array(0.2))
+    assert changed.checked(MUSCLES).velocity.tolist() == [0.2, 0.2]

@@ -1,1 +1,1 @@
-"""The arm's shapes and muscles as markers."""
+"""The arm's shapes and the lines of its muscles, without ROS."""

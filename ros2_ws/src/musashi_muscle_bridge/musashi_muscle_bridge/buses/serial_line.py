@@ -35,8 +35,8 @@ class SerialLine:
         """Return the next frame, or None after `timeout` [s]."""
         deadline = time.monotonic() + timeout
         while not self._waiting:
-            patience = max(deadline - time.monotonic(), 0.0)
-            if not select.select([self._descriptor], [], [], patience)[0]:
+            left = max(deadline - time.monotonic(), 0.0)
+            if not select.select([self._descriptor], [], [], left)[0]:
                 return None
             self._read()
             if not self._waiting and time.monotonic() > deadline:
@@ -61,8 +61,8 @@ class SerialLine:
         waiting = cobs.DELIMITER + cobs.encode(frame) + cobs.DELIMITER
         deadline = time.monotonic() + _WRITE_SEC
         while waiting:
-            patience = max(deadline - time.monotonic(), 0.0)
-            if not select.select([], [self._descriptor], [], patience)[1]:
+            left = max(deadline - time.monotonic(), 0.0)
+            if not select.select([], [self._descriptor], [], left)[1]:
                 self._give_up()
                 return
             with suppress(BlockingIOError):

@@ -14,6 +14,7 @@ from fastswing_planner.arrays import BoolVector, Vector, frozen, read_only
 from musashi_muscle_bridge.buses.protocol import Mode
 from musashi_muscle_bridge.control.command_checks import check_lease
 from musashi_muscle_bridge.control.command_limits import CommandLimits
+from musashi_muscle_bridge.control.command_streams import CommandStreams
 
 ModeVector = NDArray[np.uint8]
 
@@ -49,12 +50,8 @@ class CommandArbiter:
         self._active = np.full(count, np.nan)  # length sent last; NaN: not in length mode
         self._engaging = np.zeros(count, dtype=bool)
         self._restarted = np.zeros(count, dtype=bool)  # holds what it measured, not a command
-        self._stream = {
-            Mode.TENSION: (np.zeros(count), np.full(count, -np.inf)),
-            Mode.CURRENT: (np.zeros(count), np.full(count, -np.inf)),
-        }
+        self._streams = CommandStreams(count, limits.stream_timeout)
         self._override_until = np.full(count, -np.inf)
-        self._streaming = False  # a stream was commanded and its end has not been noticed yet
         self._overriding = False  # somebody asked for an override that may not have ended yet
         self._faulty = np.zeros(count, dtype=bool)
         self._kept = np.zeros(count, dtype=bool)
@@ -99,14 +96,9 @@ class CommandArbiter:
                 return
             self._engaging[chosen] |= self._restarted[chosen]
             self._restarted[chosen] = False
-            for _, received in self._stream.values():
-                ended = now - received[chosen] > self._limits.stream_timeout
-                received[chosen] = np.where(ended, -np.inf, received[chosen])
+            self._streams.forget_ended(chosen, now)
         else:
-            stream, received = self._stream[mode]
-            self._streaming = True
-            stream[chosen] = clamped
-            received[chosen] = now
+            self._streams.take(mode, chosen, clamped, now)
 
     def override(self, index: Sequence[int], lease: float, now: float) -> None:
         """Force muscles to zero current until `now + lease` [s]; releases all others.
@@ -151,8 +143,7 @@ class CommandArbiter:
         self._forgotten_until[index] = np.maximum(self._forgotten_until[index], now)
         self._target[index] = np.nan
         self._active[index] = np.nan
-        for _, received in self._stream.values():
-            received[index] = -np.inf
+        self._streams.forget(index)
 
     def clear_faults(self, now: float | None = None) -> None:
         """End the emergency stop; afterwards every muscle holds its measured length; see `hold`."""
@@ -194,22 +185,16 @@ class CommandArbiter:
             self._at_target = not np.count_nonzero(off)
             return self._still[1]
         mode, value = self._all_length.copy(), np.zeros(length.size)
-        for stream_mode, (stream, received) in self._stream.items() if self._streaming else ():
-            fresh = self._now - received <= self._limits.stream_timeout
-            mode[fresh] = stream_mode
-            value[fresh] = stream[fresh]
+        if self._streams.running:
             # A stream, even an ended one, replaces the latched length: the muscle then holds.
-            self._target[np.isfinite(received)] = np.nan
-            received[~fresh] = -np.inf
-        if self._streaming:
-            self._streaming = any(np.isfinite(end).any() for _, end in self._stream.values())
+            self._target[self._streams.write(self._now, mode, value)] = np.nan
         mode[off] = _ZERO_CURRENT
         value[off] = 0.0
         in_length = mode == _LENGTH
         np.copyto(value, self._lengths(in_length, length, tension, elapsed), where=in_length)
         mode.setflags(write=False)
         setpoints = Setpoints(mode, read_only(value))
-        moving = self._streaming or np.count_nonzero(self._engaging | self._restarted) > 0
+        moving = self._streams.running or np.count_nonzero(self._engaging | self._restarted) > 0
         self._still = None if moving else (off.tobytes(), setpoints)
         self._at_target = not moving and np.count_nonzero(in_length) == in_length.size
         return setpoints

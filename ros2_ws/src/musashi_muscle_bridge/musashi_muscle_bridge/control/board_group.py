@@ -21,7 +21,7 @@ from musashi_muscle_bridge.errors import FrameError
 
 _CLEAR_FRAMES = 3
 _CLEAR_SEC = 0.5  # of asking again while no answer shows that the boards heard it
-_BLIND_FRAMES = 5  # sent since the one that the newest answer belongs to
+_STALE_FRAMES = 5  # sent since the one that the newest answer belongs to
 _LOST_TIMEOUTS = 3  # of the watchdog: a hiccup of the answers alone is no lost bus
 _WATCHDOG, _ZERO_CURRENT = int(Fault.WATCHDOG), int(Mode.ZERO_CURRENT)
 _NO_FAULT = int(Fault.NONE)  # numpy compares with it faster than with the enumeration's member
@@ -33,9 +33,11 @@ class GroupControl:
 
     muscles  index of the group's k muscles in the robot's order
     joints   index of the joints that it measures
+    silent   its newest answer came longer ago than the watchdog timeout
+    back     the newest answer is the first one after such a silence
     lost     it was silent for three times the watchdog timeout; latched until cleared
-    unheard  it is lost, and still silent: what is known of its muscles is old
-    back     the newest answer is the first one after more than the watchdog timeout
+
+    An answer is stale when too many frames were sent since: nothing pulls by it.
     """
 
     def __init__(
@@ -51,7 +53,7 @@ class GroupControl:
         self.joints = np.array(group.joints, dtype=np.intp)
         self.session = session
         self.lost = False
-        self.unheard = False
+        self.silent = False
         self.back = False
         self._watchdog_action = watchdog_action
         self._watchdog_timeout = watchdog_timeout
@@ -90,9 +92,9 @@ class GroupControl:
 
     # Answers.
 
-    def blind(self, state: StateFrame) -> bool:
+    def stale(self, state: StateFrame) -> bool:
         """Return whether the newest answer is too old to pull by."""
-        return (self._sequence - state.sequence) % 2**32 > _BLIND_FRAMES
+        return (self._sequence - state.sequence) % 2**32 > _STALE_FRAMES
 
     def may_hold(self, state: StateFrame | None, now: float) -> bool:
         """Return whether boards may hold on by their watchdog, whatever they are told.
@@ -143,7 +145,7 @@ class GroupControl:
         if sequence != self._answered:
             self._answered = sequence
             self._answered_at = now
-        self.unheard = self.lost and now - self._answered_at > self._watchdog_timeout
+        self.silent = now - self._answered_at > self._watchdog_timeout
 
     def _with_reboots(self, faulty: BoolVector, boots: NDArray[np.uint16]) -> BoolVector:
         """Add boards that started again: they forgot their faults, and perhaps their length."""

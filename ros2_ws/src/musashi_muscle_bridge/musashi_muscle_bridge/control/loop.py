@@ -30,7 +30,7 @@ class Measurement(NamedTuple):
     """What one period measured.
 
     state         of the whole robot; a group that did not answer shows its last measurement
-    lost          muscles whose group fell silent, shape (m,)
+    lost          muscles whose group is lost, shape (m,)
     joints_fresh  whether every group that measures joints answered in this period
     received      monotonic time [s]; of a late answer, when its command was sent
     """
@@ -75,22 +75,22 @@ class ControlLoop:
         buses: Sequence[Bus],
         control: ControlPeriod,
         rate: float,
-        patience: float,
+        supervision_timeout: float,
         channel: Channel,
     ) -> None:
         """Compose the loop.
 
-        rate      [Hz]
-        patience  [s] without an order, a heartbeat at least, after which no frames are sent; none
-                  is sent before the first
-        channel   takes orders, and brings measurements and LoopStatus
+        rate                 [Hz]
+        supervision_timeout  [s] without an order, a heartbeat at least, after which no frames are
+                             sent; none is sent before the first
+        channel              takes orders, and brings measurements and LoopStatus
         """
         self._control = control
         self._lines = [
             BusLine(bus, group) for bus, group in zip(buses, control.groups, strict=True)
         ]
         self._period = 1.0 / rate
-        self._patience = patience
+        self._supervision_timeout = supervision_timeout
         self._channel = channel
         self._timing = LoopTiming(self._period)
         self._schedule = Schedule(0.0, self._period)
@@ -126,7 +126,7 @@ class ControlLoop:
                     began, self._schedule = now, Schedule(now, self._period)
                 heard = now
             self._running = max(now - began, 0.0)
-            if now - heard <= self._patience:
+            if now - heard <= self._supervision_timeout:
                 self._exchange(now)
             else:
                 # Nobody could stop the arm now: its boards' watchdog shall.
@@ -149,12 +149,12 @@ class ControlLoop:
             line.send(command)
         # Who waited a whole period for a silent bus would be later with each frame. A period that
         # began late waits for half of one: else a loop that is always late would hear nothing.
-        patience = max(self._schedule.deadline - now, -0.5 * self._period) + self._period
+        timeout = max(self._schedule.deadline - now, -0.5 * self._period) + self._period
         # A silent bus is asked last, so that it does not make the others' answers wait.
         fresh = {
             number
             for number in sorted(range(len(lines)), key=lambda n: lines[n].misses_in_a_row)
-            if lines[number].answered(now + patience)
+            if lines[number].answered(now + timeout)
         }
         for number in fresh:
             self._timing.answered(lines[number].round_trip)

@@ -20,7 +20,7 @@ from musashi_muscle_bridge.buses.protocol import (
     StateFrame,
     WatchdogAction,
 )
-from musashi_muscle_bridge.control.arbiter import CommandArbiter
+from musashi_muscle_bridge.control.arbiter import CommandArbiter, Setpoints
 from musashi_muscle_bridge.control.board_group import GroupControl
 from musashi_muscle_bridge.control.command_limits import CommandLimits
 from musashi_muscle_bridge.control.pull_limit import limited_pull, pulls
@@ -85,7 +85,7 @@ class ControlPeriod:
 
     @property
     def lost(self) -> BoolVector:
-        """Muscles whose group fell silent since faults were last cleared, shape (m,)."""
+        """Muscles whose group was lost since faults were last cleared, shape (m,)."""
         return self._whole([np.full(group.muscles.size, group.lost) for group in self.groups])
 
     def clear_faults(self, now: float | None = None) -> None:
@@ -147,41 +147,49 @@ class ControlPeriod:
         faulty = self._whole(
             [group.faulty(state, now) for group, state in zip(self.groups, known, strict=True)]
         )
+        setpoints = self._setpoints(known, self._with_silence(faulty), now)
+        return [
+            # What is known of a silent group's lengths is old: without a command its boards'
+            # watchdog acts, and holds those that they measure.
+            group.question(lasting=True)
+            if group.lost and group.silent and self._keeps_lost and not stop
+            else group.command(setpoints, one)
+            for group, one in zip(self.groups, release, strict=True)
+        ]
+
+    def _with_silence(self, faulty: BoolVector) -> BoolVector:
+        """Hold what came back or is lost; with zero current instead, lost muscles are faulty."""
         some_lost = False
         for group in self.groups:
             some_lost |= group.lost
             if group.back:
                 # Meanwhile the arm may have moved: hold it where it is, forget the commands.
                 self.arbiter.hold(group.muscles)
-        if some_lost:
-            # A lost group does what its watchdog does, whichever direction was cut.
-            if self._keeps_lost:
-                self.arbiter.keep(self.lost)
-            else:
-                faulty = faulty | self.lost
-        tension = self._measured("tension", known)
-        setpoints = self.arbiter.update(now, self._measured("length", known), tension, faulty)
+        if not some_lost:
+            return faulty
+        # A lost group does what its watchdog does, whichever direction was cut.
+        if not self._keeps_lost:
+            return faulty | self.lost
+        self.arbiter.keep(self.lost)
+        return faulty
+
+    def _setpoints(self, states: Sequence[StateFrame], faulty: BoolVector, now: float) -> Setpoints:
+        tension = self._measured("tension", states)
+        setpoints = self.arbiter.update(now, self._measured("length", states), tension, faulty)
         if pulls(setpoints):
-            velocity, blind = self._measured("velocity", known), self._blind(known)
-            setpoints = limited_pull(setpoints, tension, velocity, blind, self._limits)
-        return [
-            # What is known of a silent group's lengths is old: without a command its boards'
-            # watchdog acts, and holds those that they measure.
-            group.question(lasting=True)
-            if group.unheard and self._keeps_lost and not stop
-            else group.command(setpoints, one)
-            for group, one in zip(self.groups, release, strict=True)
-        ]
+            velocity, stale = self._measured("velocity", states), self._stale(states)
+            setpoints = limited_pull(setpoints, tension, velocity, stale, self._limits)
+        return setpoints
 
     def _measured(self, field: str, states: Sequence[StateFrame]) -> NDArray[Any]:
         if self._one_in_order:
             return states[0].rows[field]
         return self._whole([state.rows[field] for state in states])
 
-    def _blind(self, states: Sequence[StateFrame]) -> BoolVector:
+    def _stale(self, states: Sequence[StateFrame]) -> BoolVector:
         return self._whole(
             [
-                np.full(group.muscles.size, group.blind(state))
+                np.full(group.muscles.size, group.stale(state))
                 for group, state in zip(self.groups, states, strict=True)
             ]
         )

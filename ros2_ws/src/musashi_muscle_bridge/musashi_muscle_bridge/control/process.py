@@ -49,7 +49,7 @@ class LoopTask:
     control: ControlPeriod
     urls: Sequence[str]
     rate: float
-    patience: float
+    supervision_timeout: float
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ def main() -> None:
         channel.put(_Refused(str(error)))
         return
     try:
-        loop = ControlLoop(buses, task.control, task.rate, task.patience, channel)
+        loop = ControlLoop(buses, task.control, task.rate, task.supervision_timeout, channel)
         channel.put(loop.status())
         gc.freeze()  # what is there now stays
         loop.run()

@@ -23,7 +23,7 @@ def limited_pull(
     setpoints: Setpoints,
     tension: Vector,
     velocity: Vector,
-    blind: BoolVector,
+    stale: BoolVector,
     limits: CommandLimits,
 ) -> Setpoints:
     """Return `setpoints` with their currents reduced by what was measured.
@@ -31,7 +31,7 @@ def limited_pull(
     tension   [N] shape (m,); full current up to `tension_max`, none from `tension_limit` on
     velocity  [m/s] shape (m,), winding in is negative; full current up to half the speed limit,
               none from the limit on
-    blind     muscles that were not measured lately, shape (m,); no current
+    stale     muscles that were not measured lately, shape (m,); no current
     """
     pulling = setpoints.mode == _CURRENT
     # The two limits of a robot may be the same.
@@ -40,6 +40,6 @@ def limited_pull(
     below_speed = 2.0 * (1.0 + velocity / limits.velocity)
     share = np.clip(np.minimum(below_tension, below_speed), 0.0, 1.0)
     # What is not a number is no measurement either.
-    share[blind | ~np.isfinite(share)] = 0.0
+    share[stale | ~np.isfinite(share)] = 0.0
     reduced = setpoints.value * share
     return Setpoints(setpoints.mode, frozen(np.where(pulling, reduced, setpoints.value)))

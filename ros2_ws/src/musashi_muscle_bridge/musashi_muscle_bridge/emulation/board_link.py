@@ -31,7 +31,7 @@ class BoardLink:
         self._session: tuple[int, Hashable] | None = None
         self._sequence = 0
         self._silence = 0.0
-        self._patience = 0.0
+        self._watchdog_timeout = 0.0
         self.frames = 0
         self.command: CommandFrame | None = None
         self.refused = {"damaged": 0, "foreign": 0, "old": 0}
@@ -62,7 +62,7 @@ class BoardLink:
         self._session = command.session, sender
         self._sequence = command.sequence
         self._silence = 0.0
-        self._patience = command.watchdog_timeout
+        self._watchdog_timeout = command.watchdog_timeout
         self.frames += 1
         self.command = command
         return self._state(command)
@@ -70,7 +70,7 @@ class BoardLink:
     def _objection(self, session: tuple[int, Hashable], sequence: int) -> str:
         if session == self._session:
             return "" if is_newer(sequence, self._sequence) else "old"
-        lasting = self._session is not None and self._silence <= self._patience
+        lasting = self._session is not None and self._silence <= self._watchdog_timeout
         return "foreign" if lasting else ""
 
     def _state(self, command: CommandFrame) -> bytes:

@@ -45,9 +45,9 @@ class EmulatedBus:
         self.commands.faults = LineFaults(0.0, 0.0, loss, corruption)
         self.answers.faults = LineFaults(latency, jitter, loss, corruption)
 
-    def receive(self, patience: float, now: float) -> bool:
-        """Take a frame that arrives within `patience` [s]; whether there was one."""
-        received = None if self.port is None else self.port.receive(patience)
+    def receive(self, timeout: float, now: float) -> bool:
+        """Take a frame that arrives within `timeout` [s]; whether there was one."""
+        received = None if self.port is None else self.port.receive(timeout)
         if received is None:
             return False
         if math.isnan(received.arrived):

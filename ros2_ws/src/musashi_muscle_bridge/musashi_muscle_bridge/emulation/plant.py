@@ -49,44 +49,17 @@ class Plant:
         self._constants = plant_constants(robot.plant)
         self._mjcf = arm_mjcf(robot)
         self._data = mujoco.MjData(self._mjcf)
-        joints = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_JOINT, self._mjcf.njnt)
-        tendons = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_TENDON, self._mjcf.ntendon)
-        chosen = unique_known("joint", robot.model.joint_names, joints)
-        self._qpos = contiguous(self._mjcf.jnt_qposadr[chosen])
-        self._dof = contiguous(self._mjcf.jnt_dofadr[chosen])
-        self._tendons = contiguous(unique_known("muscle", robot.model.muscle_names, tendons))
+        self._look_up(robot)
         self._velocity_limit = robot.limits.velocity
         self._stiffness = robot.wire_stiffness
         self._slowest = -robot.limits.velocity
         self._max_pull = robot.current_limit * self._constants.force_per_current
         self.time_step = float(self._mjcf.opt.timestep)
-        # What every step needs, as arrays.
-        self._dt = constant(self.time_step)
-        self._wire_damping = constant(self._constants.wire_damping)
-        self._stall_force = constant(self._constants.stall_force)
-        self._stall_exponent = constant(self._constants.stall_exponent)
-        self._force_per_current = constant(self._constants.force_per_current)
-        self._winch_mass = constant(self._constants.winch_mass)
-        self._friction_loss = constant(self._constants.winch_friction * self.time_step)
-        self._damped_mass = constant(
-            self._constants.winch_mass + self._constants.winch_damping * self.time_step
-        )
         self._ramp_gain = robot.limits.acceleration * self.time_step  # [m/s]
+        self._make_arrays()
         self._data.qpos[:] = robot.model.full_position(robot.postures["home"])
         mujoco.mj_forward(self._mjcf, self._data)
-        # Views of MuJoCo's memory: looked up once, read and written in every step.
-        self._path_length = self._data.ten_length
-        self._path_velocity = self._data.ten_velocity
-        self._position, self._speed = self._data.qpos, self._data.qvel
-        self._torque = self._data.qfrc_applied
-        self._sparse_jacobian = self._data.ten_J
         count = len(robot.model.muscle_names)
-        # Where MuJoCo has the elements of the muscles' Jacobian; its others stay zero.
-        places = sparse_places(self._mjcf)[self._tendons]
-        self._present = np.flatnonzero(places >= 0)
-        self._elements = contiguous(places.reshape(-1)[self._present])
-        self._jacobian = np.zeros((count, self._mjcf.nv))
-        self._flat_jacobian = self._jacobian.reshape(-1)
         self._winch = self._path_length[self._tendons].copy()
         self._winch_velocity = np.zeros(count)
         self._asked = np.zeros(count)  # [m/s] the ramped speed that the driven winches are to have
@@ -98,6 +71,40 @@ class Plant:
         self._steps = 0
         self._random = np.random.default_rng(self._constants.noise_seed)
         self._measure()
+
+    def _look_up(self, robot: Robot) -> None:
+        """Find joints and muscles in MuJoCo's memory, once: each step reads and writes there."""
+        joints = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_JOINT, self._mjcf.njnt)
+        tendons = object_names(self._mjcf, mujoco.mjtObj.mjOBJ_TENDON, self._mjcf.ntendon)
+        chosen = unique_known("joint", robot.model.joint_names, joints)
+        self._qpos = contiguous(self._mjcf.jnt_qposadr[chosen])
+        self._dof = contiguous(self._mjcf.jnt_dofadr[chosen])
+        self._tendons = contiguous(unique_known("muscle", robot.model.muscle_names, tendons))
+        self._path_length = self._data.ten_length
+        self._path_velocity = self._data.ten_velocity
+        self._position, self._speed = self._data.qpos, self._data.qvel
+        self._torque = self._data.qfrc_applied
+        self._sparse_jacobian = self._data.ten_J
+        # Where MuJoCo has the elements of the muscles' Jacobian; its others stay zero.
+        places = sparse_places(self._mjcf)[self._tendons]
+        self._present = np.flatnonzero(places >= 0)
+        self._elements = contiguous(places.reshape(-1)[self._present])
+        self._jacobian = np.zeros((len(places), self._mjcf.nv))
+        self._flat_jacobian = self._jacobian.reshape(-1)
+
+    def _make_arrays(self) -> None:
+        """Make arrays of the numbers that every step needs."""
+        constants = self._constants
+        self._dt = constant(self.time_step)
+        self._wire_damping = constant(constants.wire_damping)
+        self._stall_force = constant(constants.stall_force)
+        self._stall_exponent = constant(constants.stall_exponent)
+        self._force_per_current = constant(constants.force_per_current)
+        self._winch_mass = constant(constants.winch_mass)
+        self._friction_loss = constant(constants.winch_friction * self.time_step)
+        self._damped_mass = constant(
+            constants.winch_mass + constants.winch_damping * self.time_step
+        )
 
     @property
     def joint_position(self) -> Vector:

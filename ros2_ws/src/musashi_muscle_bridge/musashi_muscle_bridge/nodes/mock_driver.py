@@ -185,13 +185,13 @@ class MockDriverNode(ManagedNode):
             last += elapsed
             self._exchange(time.monotonic())
 
-    def _listen(self, count: int, patience: float) -> None:
+    def _listen(self, count: int, timeout: float) -> None:
         """Take the frames that wait, so that none grows old behind the plant."""
         due = min(bus.answers.due() for bus in self._buses)
-        patience = min(patience, max(due - time.monotonic(), 0.0)) / len(self._buses)
+        timeout = min(timeout, max(due - time.monotonic(), 0.0)) / len(self._buses)
         for bus in self._buses:
             for attempt in range(count):
-                if not bus.receive(0.0 if attempt else patience, time.monotonic()):
+                if not bus.receive(0.0 if attempt else timeout, time.monotonic()):
                     break
 
     def _pass(self, elapsed: float) -> None:

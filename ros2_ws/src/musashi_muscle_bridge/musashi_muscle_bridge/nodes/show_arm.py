@@ -20,7 +20,7 @@ from fastswing_planner.lifecycle.common_parameters import ROBOT_DESCRIPTION
 from fastswing_planner.lifecycle.parameters import Parameter
 from fastswing_planner.lifecycle.running import run
 from fastswing_planner.robot.description import load_robot
-from musashi_muscle_bridge.arm_view.markers import ArmMarkers
+from musashi_muscle_bridge.nodes.arm_markers import ArmMarkers
 from musashi_muscle_bridge.nodes.polling import PollingNode, Sample
 
 TABLE = (

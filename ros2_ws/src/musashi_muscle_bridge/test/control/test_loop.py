@@ -83,13 +83,13 @@ class Running:
     beats  whether the loop gets heartbeats
     """
 
-    def __init__(self, robot: Robot, buses: list[LinkBus], patience: float = SOON) -> None:
+    def __init__(self, robot: Robot, buses: list[LinkBus], timeout: float = SOON) -> None:
         limits = command_limits(robot, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
         self.control = ControlPeriod(robot, limits, WatchdogAction.ZERO_CURRENT, 0.1, SESSION)
         self.buses = buses
         self.channel, theirs = channel_pair()
         self.far_end = Channel(theirs)
-        self.loop = ControlLoop(buses, self.control, 200.0, patience, self.far_end)
+        self.loop = ControlLoop(buses, self.control, 200.0, timeout, self.far_end)
         self.measured: list[Measurement] = []
         self.status = self.loop.status()
         self.reads = self.beats = True
@@ -358,7 +358,7 @@ def test_the_end_of_the_channel_ends_the_loop_and_closes_its_buses(start: Start)
 
 
 def test_without_a_sign_of_the_node_no_frame_is_sent(start: Start) -> None:
-    run = start(patience=0.2)
+    run = start(timeout=0.2)
     run.until(lambda: len(run.states) >= 1)
     run.beats = False
     run.until(lambda: run.counted("unsupervised_periods") >= 2)
@@ -368,7 +368,7 @@ def test_without_a_sign_of_the_node_no_frame_is_sent(start: Start) -> None:
 
 
 def test_when_the_node_gives_a_sign_again_frames_are_sent_again(start: Start) -> None:
-    run = start(patience=0.2)
+    run = start(timeout=0.2)
     run.until(lambda: len(run.states) >= 1)
     run.beats = False
     run.until(lambda: run.counted("unsupervised_periods") >= 2)

@@ -83,7 +83,7 @@ class Node:
         self.complaints: list[str] = []
         self.publish: Callable[[Measurement], None] = self.measured.append
         self.process = ControlProcess(
-            LoopTask(control, [url], 200.0, patience=SOON),
+            LoopTask(control, [url], 200.0, supervision_timeout=SOON),
             lambda measured: self.publish(measured),
             self.complaints.append,
             wanted,

@@ -23,11 +23,11 @@ def limits(musashi: Robot) -> CommandLimits:
     return command_limits(musashi, stream_timeout=0.1, max_lease=0.2, payout_allowance=0.2)
 
 
-def pull(limits: CommandLimits, tension: float, velocity: float, blind: bool = False) -> float:
+def pull(limits: CommandLimits, tension: float, velocity: float, stale: bool = False) -> float:
     """Return the current [A] that is left of 6 A on the first muscle."""
     count = limits.tension_max.size
     asked = Setpoints(np.full(count, Mode.CURRENT, dtype=np.uint8), np.full(count, 6.0))
-    measured = np.full(count, tension), np.full(count, velocity), np.full(count, blind)
+    measured = np.full(count, tension), np.full(count, velocity), np.full(count, stale)
     return float(limited_pull(asked, *measured, limits).value[0])
 
 
@@ -71,7 +71,7 @@ def test_what_is_not_measured_gets_no_current(limits: CommandLimits, bad: float)
 def test_a_muscle_that_was_not_measured_lately_gets_none(
     limits: CommandLimits, tension: float, velocity: float
 ) -> None:
-    assert pull(limits, tension, velocity, blind=True) == 0.0
+    assert pull(limits, tension, velocity, stale=True) == 0.0
 
 
 def test_when_answers_stop_a_current_ends_after_five_more_frames(

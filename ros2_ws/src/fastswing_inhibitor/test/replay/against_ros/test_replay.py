@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -30,13 +31,13 @@ from fastswing_inhibitor.replay.replay import replay
 from fastswing_inhibitor.replay.result import Replay, WhatIf
 from fastswing_inhibitor.replay.text import replay_text
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, SwingPlan
-from fastswing_planner.arrays import Matrix, Vector, frozen
+from fastswing_planner.arrays import Vector, frozen
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.limits import muscle_limits
-from fastswing_planner.robot.muscle_model import Payload
+from fastswing_planner.testing.arms import BentArm
 
 LIMIT = frozen([0.3, 0.25, 0.2])
 LIMITS = muscle_limits(("m0", "m1", "m2"), LIMIT, 1.0, 0.0, 100.0)
@@ -50,29 +51,14 @@ TYPES = {
 }
 
 
-class BentArm:
-    """Two joints and three muscles whose moment arms change with the posture."""
+def moment_arms(joint_position: Vector) -> ArrayLike:
+    """Return G(theta) [m/rad] of two joints and three muscles; it changes with the posture."""
+    a, b = joint_position
+    return [[np.cos(a), 0.1], [-0.5, np.sin(b)], [0.3 * b, -np.cos(a + b)]]
 
-    joint_names = ("j0", "j1")
-    muscle_names = ("m0", "m1", "m2")
-    joint_lower = frozen([-10.0, -10.0])
-    joint_upper = frozen([10.0, 10.0])
 
-    def lengths(self, joint_position: Vector) -> Vector:
-        raise NotImplementedError  # replay needs the Jacobian alone
-
-    def jacobian(self, joint_position: Vector) -> Matrix:
-        a, b = joint_position
-        return frozen([[np.cos(a), 0.1], [-0.5, np.sin(b)], [0.3 * b, -np.cos(a + b)]])
-
-    def muscle_velocity(
-        self, joint_position: Sequence[float], joint_velocity: Sequence[float]
-    ) -> list[float]:
-        speeds: list[float] = self.jacobian(np.array(joint_position)).dot(joint_velocity).tolist()
-        return speeds
-
-    def gravity_torque(self, joint_position: Vector, payload: Payload | None = None) -> Vector:
-        raise NotImplementedError  # replay needs the Jacobian alone
+# Replay needs the Jacobian alone.
+ARM = BentArm(lambda _: np.zeros(3), moment_arms, joint_count=2, joint_range=10.0)
 
 
 def stamp(time_ns: int) -> Header:
@@ -111,13 +97,13 @@ def write(path: Path, case: Case, change: Change = lambda number, topic, message
             bag.write(case.prefix + topic, data, time_ns, time_ns)
 
     plan = SwingPlan(
-        joint_name=BentArm.joint_names,
+        joint_name=ARM.joint_names,
         end_position=list(case.goal),
-        muscle_name=BentArm.muscle_names,
+        muscle_name=ARM.muscle_names,
         mask=case.mask,
     )
     put(0, "/swing_plan", plan, START_NS - 1000)
-    inhibition = Inhibition(BentArm(), LIMIT, InhibitionSettings())
+    inhibition = Inhibition(ARM, LIMIT, InhibitionSettings())
     inhibition.see(0.0)
     protected = np.array(case.protected)
     inhibition.arm(Arming(frozen(case.goal), case.threshold, protected, 100.0, 0.0))
@@ -152,9 +138,9 @@ def status(time_ns: int, inhibition: Inhibition, made: Decision) -> InhibitionSt
         armed=inhibition.armed,
         reason=int(made.reason),
         threshold=inhibition.threshold,
-        name=BentArm.muscle_names,
+        name=ARM.muscle_names,
         speed_index=list(inhibition.speed_index(made)),
-        inhibited=list(compress(BentArm.muscle_names, made.inhibited)),
+        inhibited=list(compress(ARM.muscle_names, made.inhibited)),
         direction_from_goal=made.direction_from_goal,
         decisions=inhibition.decisions,
     )
@@ -168,7 +154,7 @@ def straight(count: int = 20) -> Case:
 
 
 def replayed(path: Path, **options: Any) -> Replay:
-    return replay(open_bag(path), BentArm(), LIMIT, **options)
+    return replay(open_bag(path), ARM, LIMIT, **options)
 
 
 numbers = st.lists(st.floats(-3.0, 3.0), min_size=2, max_size=2)
@@ -429,12 +415,12 @@ def test_a_robot_is_chosen_by_its_namespace(tmp_path: Path) -> None:
     right.prefix = "/right"
     bag = open_bag(write(tmp_path / "a.mcap", left), write(tmp_path / "b.mcap", right))
     with pytest.raises(UnusableForReplay) as caught:
-        replay(bag, BentArm(), LIMIT)
+        replay(bag, ARM, LIMIT)
     assert str(caught.value) == (
         "more than one topic of type sensor_msgs/msg/JointState: "
         "/left/joint_states, /right/joint_states; choose with --prefix"
     )
-    assert replay(bag, BentArm(), LIMIT, prefix="/left").agrees
+    assert replay(bag, ARM, LIMIT, prefix="/left").agrees
 
 
 def test_a_bag_without_an_inhibitor_is_named(tmp_path: Path) -> None:
@@ -469,7 +455,7 @@ def loaded(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def load(uri: str) -> Any:
         names.append(Path(uri).name)
-        return SimpleNamespace(model=BentArm(), limits=LIMITS)
+        return SimpleNamespace(model=ARM, limits=LIMITS)
 
     monkeypatch.setattr(replay_command, "load_robot", load)
     return names

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
-from fastswing_planner.analysis.report.swing_drawing import GROUPS, PANEL_SIZE, STYLE, svg
+from fastswing_planner.analysis.report.drawing_style import GROUPS, PANEL_SIZE, STYLE
+from fastswing_planner.analysis.report.svg import svg
 from fastswing_planner.arrays import Vector
 
 _DASHES = ("-", "--")

@@ -1,12 +1,13 @@
 """What was found, as plain numbers, texts, lists and dictionaries; null for what is unknown."""
 
+import json
 import math
-from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
-from fastswing_planner.analysis.latency import Latency
+from fastswing_planner.analysis.latency import InhibitionLatency, Latency
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import (
     MotorLimits,
@@ -14,27 +15,28 @@ from fastswing_planner.analysis.motor_limits import (
     beyond_velocity,
     limits_known,
 )
+from fastswing_planner.analysis.report.results import Results
 from fastswing_planner.analysis.timing import TopicTiming
-from fastswing_planner.analysis.verdicts.checks import CheckResult
 from fastswing_planner.analysis.verdicts.comparison import Difference
 
 
-def findings_record(
-    findings: Sequence[BagFindings],
-    limits: MotorLimits,
-    result: CheckResult | None = None,
-    differences: Sequence[Difference] = (),
-) -> dict[str, Any]:
+def json_text(results: Results) -> str:
+    """Return the record as JSON, which has no word for NaN: unknown is null."""
+    return json.dumps(results_record(results), indent=2, allow_nan=False)
+
+
+def results_record(results: Results) -> dict[str, Any]:
     """Return everything that was found; units stand in FIGURES and in docs/bags.md."""
-    record: dict[str, Any] = {"bags": [_bag(one, limits) for one in findings]}
-    if result is not None:
+    record: dict[str, Any] = {"bags": [_bag(one, results.limits) for one in results.findings]}
+    check, comparison = results.check, results.comparison
+    if check is not None:
         record["check"] = {
-            "passed": result.passed,
-            "checked": result.checked,
-            "violations": list(result.violations),
+            "passed": check.passed,
+            "checked": check.checked,
+            "violations": list(check.violations),
         }
-    if differences:
-        record["comparison"] = [_difference(one) for one in differences]
+    if comparison is not None and comparison.differences:
+        record["comparison"] = [_difference(one) for one in comparison.differences]
     return record
 
 
@@ -82,10 +84,18 @@ def _swing(swing: MeasuredSwing, limits: MotorLimits) -> dict[str, Any]:
             {"start": one.start, "end": one.end, "muscles": list(one.muscles)}
             for one in swing.inhibited
         ],
-        "latency": {name: _latency(value) for name, value in vars(swing.latency).items()},
+        "latency": _latencies(swing.latency),
         "inhibitor_ended": swing.ended,
         "faulty": list(swing.faulty),
         "notes": list(swing.notes),
+    }
+
+
+def _latencies(latency: InhibitionLatency) -> dict[str, Any]:
+    return {
+        "state_to_override": _latency(latency.state_to_override),
+        "override_to_zero": _latency(latency.override_to_zero),
+        "state_to_zero": _latency(latency.state_to_zero),
     }
 
 
@@ -119,8 +129,8 @@ def _difference(difference: Difference) -> dict[str, Any]:
     return {
         "method": difference.method,
         "figure": difference.figure,
-        "first": {name: _number(value) for name, value in vars(difference.first).items()},
-        "second": {name: _number(value) for name, value in vars(difference.second).items()},
+        "first": {name: _number(value) for name, value in asdict(difference.first).items()},
+        "second": {name: _number(value) for name, value in asdict(difference.second).items()},
         "change": _number(difference.change),
         "p_value": _number(difference.p_value),
         "verdict": difference.verdict,

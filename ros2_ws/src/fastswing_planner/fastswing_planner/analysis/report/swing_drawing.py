@@ -1,9 +1,6 @@
 """Draws swings as the paper does: joint speed, muscle speed and muscle tension over time."""
 
-import io
-import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,117 +14,23 @@ from matplotlib.patches import Patch
 
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import MotorLimits, drawn_limits
+from fastswing_planner.analysis.report.drawing_style import (
+    LIMIT,
+    OTHER,
+    PANEL_SIZE,
+    PLANNED,
+    SHADE,
+    STYLE,
+    LineStyle,
+)
+from fastswing_planner.analysis.report.peak_labels import label_peaks
+from fastswing_planner.analysis.report.svg import svg
 from fastswing_planner.arrays import Matrix, Vector
 
-# Safe for colour-blind eyes (after Okabe and Ito). Muscles that are paid out are warm and solid,
-# muscles that are wound in cool and dashed, so that the groups differ without any colour.
-_PAID_OUT = ("#D55E00", "#6A1B4D", "#E69F00", "#CC79A7")
-_WOUND_IN = ("#0072B2", "#009E73", "#56B4E9")
-_JOINTS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00")
-GROUPS = ("#0072B2", "#D55E00")
-"""Colours of the two groups of a comparison."""
-OTHER = "#B8B8B8"
-SHADE = "#FAF1D2"
-_WOUND_IN_DASHES: Any = (0, (5, 1.6))
-_PLANNED: Any = (0, (1.2, 1.2))
-_LIMIT: Any = (0, (9, 4))
-_PATH = re.compile(rb' d="[^"]*"')
-_LONG_NUMBER = re.compile(rb"(\d+\.\d\d)\d+")
-_LABEL_SHARE = (0.085, 0.07)
-"""Width and height of a label, as shares of the axes."""
-_LABEL_PLACES = (
-    (0.0, 0.75),
-    (-0.8, 0.3),
-    (0.8, 0.3),
-    (0.0, -0.9),
-    (-0.9, -0.6),
-    (0.9, -0.6),
-    (1.0, 1.2),
-    (-1.0, 1.2),
-    (1.8, 0.2),
-    (-1.8, 0.2),
-)
-"""Where a label may stand from its peak, in its own sizes, the best first."""
-_LEAST_SHARE = 0.08
-"""A joint with less of the fastest joint's speed is drawn among the others."""
 _NEAR_LIMIT = 0.6
 """A limit far above everything measured is not drawn."""
-STYLE: dict[Any, Any] = {
-    "font.size": 10,
-    "axes.titlesize": 11,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.grid": True,
-    "grid.color": "#E6E6E6",
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "svg.hashsalt": "fastswing",
-    # Points nearer to their line than half a pixel are left out.
-    "path.simplify_threshold": 0.5,
-}
-PANEL_SIZE = (4.8, 3.5)
-"""[inch] one panel fills a telephone's screen."""
-
-
-@dataclass(frozen=True)
-class LineStyle:
-    """How a joint or muscle is drawn in all figures of a report."""
-
-    colour: str
-    dashes: Any = "-"
-
-
 _TIGHTEST = LineStyle("#4D4D4D")
 """Of the muscle with the largest tension, if it is none of the fast ones."""
-
-
-def joint_styles(swings: Sequence[MeasuredSwing]) -> dict[str, LineStyle]:
-    """Return the styles of the joints that matter, the fastest first."""
-    peaks = _largest({joint.name: joint.peak_speed for joint in one.joints} for one in swings)
-    fastest = max(peaks.values(), default=0.0)
-    chosen = [name for name in _falling(peaks) if peaks[name] > _LEAST_SHARE * fastest]
-    return {name: LineStyle(colour) for name, colour in zip(chosen, _JOINTS, strict=False)}
-
-
-def muscle_styles(swings: Sequence[MeasuredSwing]) -> dict[str, LineStyle]:
-    """Return the styles of the fastest muscles: paid out, then wound in, the fastest first."""
-    out, back = _paid_out(swings)
-    styles = {name: LineStyle(colour) for name, colour in zip(out, _PAID_OUT, strict=False)}
-    for name, colour in zip(back, _WOUND_IN, strict=False):
-        styles[name] = LineStyle(colour, _WOUND_IN_DASHES)
-    return styles
-
-
-def _paid_out(swings: Sequence[MeasuredSwing]) -> tuple[list[str], list[str]]:
-    """Return the muscles that are paid out, and those that are wound in, the fastest first."""
-    extremes: dict[str, float] = {}
-    for swing in swings:
-        if swing.muscle_series is None or swing.muscle_series.time.size == 0:
-            continue
-        velocity = np.nan_to_num(swing.muscle_series.velocity)
-        rows = np.argmax(np.abs(velocity), axis=0)
-        for column, name in enumerate(swing.muscle_series.names):
-            value = float(velocity[rows[column], column])
-            extremes[name] = max(extremes.get(name, 0.0), value, key=abs)
-    order = _falling({name: abs(value) for name, value in extremes.items()})
-    return (
-        [name for name in order if extremes[name] > 0.0],
-        [name for name in order if extremes[name] < 0.0],
-    )
-
-
-def _largest(tables: Any) -> dict[str, float]:
-    largest: dict[str, float] = {}
-    for table in tables:
-        for name, value in table.items():
-            largest[name] = max(largest.get(name, 0.0), np.nan_to_num(value))
-    return largest
-
-
-def _falling(values: Mapping[str, float]) -> list[str]:
-    return sorted(values, key=lambda name: -values[name])
 
 
 def draw_joint_speed(
@@ -146,12 +49,10 @@ def draw_joint_speed(
             if name in styles:
                 # A step's mean speed holds from the step before to this one.
                 colour = styles[name].colour
-                axes.step(
-                    plan.time, velocity, where="pre", color=colour, lw=1.2, linestyle=_PLANNED
-                )
+                axes.step(plan.time, velocity, where="pre", color=colour, lw=1.2, linestyle=PLANNED)
     _finish(axes, swing, "joint speed [rad/s]")
     if labelled:
-        _label(axes, series.time, series.velocity, series.names, styles)
+        label_peaks(axes, series.time, series.velocity, series.names, styles)
 
 
 def draw_muscle_speed(
@@ -167,10 +68,10 @@ def draw_muscle_speed(
         _draw_lines(axes, series.time, series.velocity, series.names, styles)
     for limit in drawn_limits(swing, limits, "velocity"):
         for sign in (-1, 1):
-            axes.axhline(sign * limit, color="black", linewidth=1.0, linestyle=_LIMIT)
+            axes.axhline(sign * limit, color="black", linewidth=1.0, linestyle=LIMIT)
     _finish(axes, swing, "muscle speed [m/s]")
     if labelled and series is not None:
-        _label(axes, series.time, series.velocity, series.names, styles)
+        label_peaks(axes, series.time, series.velocity, series.names, styles)
 
 
 def draw_tension(
@@ -191,11 +92,11 @@ def draw_tension(
         for figure in ("tension_max", "tension_limit"):
             for limit in drawn_limits(swing, limits, figure):
                 if largest > _NEAR_LIMIT * limit:
-                    axes.axhline(limit, color="black", linewidth=1.0, linestyle=_LIMIT)
+                    axes.axhline(limit, color="black", linewidth=1.0, linestyle=LIMIT)
     _finish(axes, swing, "muscle tension [N]")
     axes.set_ylim(bottom=0.0)
     if labelled and series is not None:
-        _label(axes, series.time, series.tension, series.names, shown)
+        label_peaks(axes, series.time, series.tension, series.names, shown)
 
 
 PANELS: Mapping[str, Callable[..., None]] = {
@@ -224,55 +125,6 @@ def _draw_lines(
             )
 
 
-def _label(
-    axes: Axes,
-    time: Vector,
-    values: Matrix,
-    names: Sequence[str],
-    styles: Mapping[str, LineStyle],
-) -> None:
-    """Write the names beside the peaks of their lines, where there is room; values (k, n)."""
-    peaks = []
-    for name, line in zip(names, values.T, strict=True):
-        if name in styles and np.isfinite(line).any():
-            row = int(np.nanargmax(np.abs(line)))
-            peaks.append((abs(float(line[row])), name, (float(time[row]), float(line[row]))))
-    to_share = axes.transData + axes.transAxes.inverted()
-    taken: list[tuple[float, float]] = []
-    for _, name, peak in sorted(peaks, reverse=True):
-        place = _free_place(tuple(to_share.transform(peak)), peak[1] < 0.0, taken)
-        taken.append(place)
-        axes.text(
-            *place,
-            name,
-            transform=axes.transAxes,
-            color=styles[name].colour,
-            fontsize=9,
-            fontweight="bold",
-            ha="center",
-            va="center",
-            zorder=4,
-            bbox={"facecolor": "white", "alpha": 0.7, "edgecolor": "none", "pad": 0.5},
-        )
-
-
-def _free_place(
-    peak: tuple[float, ...], below: bool, taken: Sequence[tuple[float, float]]
-) -> tuple[float, float]:
-    """Return the place of a label near a peak, all as shares of the axes; as free as possible."""
-    across, up = _LABEL_SHARE
-    side = -1.0 if below else 1.0
-    tries = [
-        (peak[0] + right * across, peak[1] + side * high * up) for right, high in _LABEL_PLACES
-    ]
-    inside = [place for place in tries if 0.02 < place[0] < 0.99 and 0.02 < place[1] < 1.0]
-    for x, y in inside:
-        if all(abs(x - left) >= across or abs(y - low) >= up for left, low in taken):
-            return x, y
-    x, y = (inside or tries)[0]
-    return min(max(x, 0.02), 0.98), min(max(y, 0.02), 0.98)
-
-
 def _finish(axes: Axes, swing: MeasuredSwing, label: str) -> None:
     for one in swing.inhibited:
         axes.axvspan(one.start, one.end, color=SHADE, linewidth=0, zorder=0)
@@ -295,21 +147,6 @@ def panel_svg(
         figure = Figure(figsize=PANEL_SIZE, layout="constrained")
         PANELS[panel](figure.subplots(), swing, styles, limits)
         return svg(figure)
-
-
-def svg(figure: Figure) -> bytes:
-    """Return a figure as SVG that is the same for the same input."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="svg", metadata={"Date": None})
-    return shortened(stream.getvalue())
-
-
-def shortened(picture: bytes) -> bytes:
-    """Return an SVG whose paths have two decimals: finer than any screen, and a quarter smaller.
-
-    All other numbers, such as the scales of letters, stay as they are.
-    """
-    return _PATH.sub(lambda path: _LONG_NUMBER.sub(rb"\1", path[0]), picture)
 
 
 def save_swing(
@@ -356,9 +193,9 @@ def legend_handles(
     if any(name not in styles for name in names):
         handles.append(_line(OTHER, "-", "others"))
     if panel == "joint" and swing.plan is not None:
-        handles.append(_line("black", _PLANNED, "plan"))
+        handles.append(_line("black", PLANNED, "plan"))
     if panel != "joint" and limits:
-        handles.append(_line("black", _LIMIT, "limit"))
+        handles.append(_line("black", LIMIT, "limit"))
     if swing.inhibited:
         handles.append(Patch(color=SHADE, label="inhibited"))
     if np.isfinite(swing.arrival):

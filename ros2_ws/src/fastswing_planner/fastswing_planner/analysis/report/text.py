@@ -7,16 +7,18 @@ import numpy as np
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.findings import BagFindings
 from fastswing_planner.analysis.latency import Latency
-from fastswing_planner.analysis.measured_swing import MeasuredSwing, swing_label
+from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.motor_limits import (
     MotorLimits,
     beyond_tension,
     beyond_velocity,
     limits_known,
 )
+from fastswing_planner.analysis.report.results import Results
 from fastswing_planner.analysis.timing import TopicTiming
 from fastswing_planner.analysis.verdicts.checks import CheckResult
-from fastswing_planner.analysis.verdicts.comparison import Difference, Spread
+from fastswing_planner.analysis.verdicts.comparison import Comparison, Difference, Spread
+from fastswing_planner.command_line import text_table
 
 SWING_HEAD = (
     "swing",
@@ -37,6 +39,16 @@ LATENCY_TITLES = {
 TOPIC_HEAD = ("topic", "messages", "rate [Hz]", "longest pause [ms]", "gaps", "missing", "dropped")
 
 
+def results_text(results: Results) -> str:
+    """Return everything that was found."""
+    parts = [findings_text(results.findings, results.limits)]
+    if results.comparison is not None:
+        parts.append(comparison_text(results.comparison))
+    if results.check is not None:
+        parts.append(check_text(results.check))
+    return "\n\n".join(parts)
+
+
 def findings_text(findings: Sequence[BagFindings], limits: MotorLimits) -> str:
     """Return tables of swings, latencies and topics of each bag."""
     return "\n\n".join(_bag_text(one, limits) for one in findings)
@@ -47,7 +59,7 @@ def _bag_text(findings: BagFindings, limits: MotorLimits) -> str:
     parts += [f"  {line}" for line in findings.lines]
     if findings.swings:
         rows = [swing_cells(swing, limits) for swing in findings.swings]
-        parts += ["", table(SWING_HEAD, rows), "", "measured (predicted)"]
+        parts += ["", text_table(SWING_HEAD, rows), "", "measured (predicted)"]
         parts += [f"  swing {one.number}: {note}" for one in findings.swings for note in one.notes]
         parts += [
             f"  swing {one.number}: faulty muscles: {', '.join(one.faulty)}"
@@ -57,9 +69,9 @@ def _bag_text(findings: BagFindings, limits: MotorLimits) -> str:
         latencies = [row for swing in findings.swings for row in latency_cells(swing)]
         if latencies:
             head = ("latency", "swing", "count", "median [ms]", "99% [ms]", "longest [ms]")
-            parts += ["", table(head, latencies)]
+            parts += ["", text_table(head, latencies)]
     if findings.topics:
-        parts += ["", table(TOPIC_HEAD, [topic_cells(topic) for topic in findings.topics])]
+        parts += ["", text_table(TOPIC_HEAD, [topic_cells(topic) for topic in findings.topics])]
     told = counter_lines(findings)
     if told:
         parts += ["", "counted by the nodes while it was recorded:", *told]
@@ -152,11 +164,11 @@ def counted(figure: str, part: Spread) -> str:
     return f"{part.count} of {part.total} {'arrived' if figure == 'time' else 'known'}"
 
 
-def comparison_text(first: str, second: str, differences: Sequence[Difference]) -> str:
+def comparison_text(comparison: Comparison) -> str:
     """Return a comparison of two groups as a table."""
-    head = ("method", "figure", first, second, "change", "p", "verdict")
-    rows = [comparison_cells(one) for one in differences]
-    return f"{table(head, rows)}\n\nmedian (quartiles), number of swings; {_P_VALUE}"
+    head = ("method", "figure", *comparison.names, "change", "p", "verdict")
+    rows = [comparison_cells(one) for one in comparison.differences]
+    return f"{text_table(head, rows)}\n\nmedian (quartiles), number of swings; {_P_VALUE}"
 
 
 def comparison_cells(difference: Difference) -> list[str]:
@@ -166,15 +178,26 @@ def comparison_cells(difference: Difference) -> list[str]:
     for one in (difference.first, difference.second):
         quartiles = f"{figure.text(one.low)} to {figure.text(one.high)}"
         groups.append(f"{figure.text(one.median)} ({quartiles}), {counted(difference.figure, one)}")
-    change = difference.change
     return [
         difference.method,
-        f"{figure.title} [{figure.unit}]" if figure.unit else figure.title,
+        figure_title(difference),
         *groups,
-        "–" if np.isnan(change) else f"{change:+.{figure.decimals}f}",
+        change_text(difference),
         "–" if np.isnan(difference.p_value) else f"{difference.p_value:.3f}",
         difference.verdict,
     ]
+
+
+def figure_title(difference: Difference) -> str:
+    """Return what is compared, with its unit."""
+    figure = FIGURES[difference.figure]
+    return f"{figure.title} [{figure.unit}]" if figure.unit else figure.title
+
+
+def change_text(difference: Difference) -> str:
+    """Return the change of the median with its sign; '–' if it is unknown."""
+    change = difference.change
+    return "–" if np.isnan(change) else f"{change:+.{FIGURES[difference.figure].decimals}f}"
 
 
 def check_text(result: CheckResult) -> str:
@@ -185,18 +208,3 @@ def check_text(result: CheckResult) -> str:
     elif not result.checked:
         lines.append("FAIL no swing and no topic to check")
     return "\n".join(lines)
-
-
-def swing_title(swing: MeasuredSwing) -> str:
-    """Return a swing's name for pictures."""
-    return swing_label(swing)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return aligned columns below a line."""
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in (head, *rows)
-    ]
-    return "\n".join([lines[0], "-" * max(map(len, lines)), *lines[1:]])

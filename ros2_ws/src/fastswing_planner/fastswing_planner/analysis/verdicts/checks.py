@@ -1,4 +1,4 @@
-"""Pass or fail: the figures of swings and topics against a file of limits."""
+"""Pass or fail: the figures of swings and topics against criteria."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ import numpy as np
 from fastswing_planner.analysis.figures import FIGURES
 from fastswing_planner.analysis.measured_swing import MeasuredSwing, swing_label
 from fastswing_planner.analysis.timing import TopicTiming
-from fastswing_planner.analysis.verdicts.limits_file import (
+from fastswing_planner.analysis.verdicts.criteria import (
     NAMED,
     TOPIC_FIGURES,
     Bounds,
-    Limits,
-    SwingLimits,
+    Criteria,
+    SwingCriteria,
 )
 
 
@@ -29,52 +29,51 @@ class CheckResult:
         """Whether nothing was violated, and anything was tried at all."""
         return not self.violations and self.checked > 0
 
+    def __add__(self, other: "CheckResult") -> "CheckResult":
+        """Return both together."""
+        return CheckResult((*self.violations, *other.violations), self.checked + other.checked)
+
 
 def check(
-    limits: Limits,
+    criteria: Criteria,
     swings: Sequence[MeasuredSwing],
     topics: Mapping[str, Sequence[TopicTiming]],
     joints: Sequence[str] = (),
     muscles: Sequence[str] = (),
 ) -> CheckResult:
-    """Try every limit.
+    """Try every criterion.
 
     topics           bag -> the timing of its topics
-    joints, muscles  their names in all bags, for limits that no swing is there to be tried on
+    joints, muscles  their names in all bags, for criteria that no swing is there to be tried on
     """
-    lines: list[str] = []
-    tried = 0
-    if limits.swings != Bounds():
-        tried += 1
-        if not limits.swings.allows(len(swings)):
-            lines.append(f"{len(swings)} swings, {limits.swings} allowed")
+    methods = {swing.method for swing in swings}
+    result = _check_count(criteria.swings, len(swings))
     for swing in swings:
-        for part in (limits.each_swing, limits.methods.get(swing.method)):
+        for part in (criteria.each_swing, criteria.methods.get(swing.method)):
             if part is not None:
-                count, found = _check_swing(part, swing)
-                tried += count
-                lines += found
+                result += _check_swing(part, swing)
     if not swings:
-        count, found = _check_without_swings(limits, {"joint": joints, "muscle": muscles})
-        tried += count
-        lines += found
-    for method in limits.methods:
-        if method not in {swing.method for swing in swings}:
-            tried += 1
-            lines.append(f"no swing by method '{method}': its limits could not be tried")
-    count, found = _check_topics(limits, topics)
-    return CheckResult((*lines, *found), tried + count)
+        result += _check_without_swings(criteria, {"joint": joints, "muscle": muscles})
+    for method in criteria.methods:
+        if method not in methods:
+            line = f"no swing by method '{method}': its limits could not be tried"
+            result += CheckResult((line,), 1)
+    return result + _check_topics(criteria, topics)
 
 
-def _check_without_swings(
-    limits: Limits, names: Mapping[str, Sequence[str]]
-) -> tuple[int, list[str]]:
+def _check_count(bounds: Bounds, count: int) -> CheckResult:
+    if bounds == Bounds():
+        return CheckResult((), 0)
+    return CheckResult(() if bounds.allows(count) else (f"{count} swings, {bounds} allowed",), 1)
+
+
+def _check_without_swings(criteria: Criteria, names: Mapping[str, Sequence[str]]) -> CheckResult:
     """Say what of `each_swing` could not be tried; only `swings` can allow that there is none."""
-    each = limits.each_swing
+    each = criteria.each_swing
     if not each.figures and not each.named:
-        return 0, []
+        return CheckResult((), 0)
     lines = []
-    if limits.swings == Bounds() or not limits.swings.allows(0.0):
+    if criteria.swings == Bounds() or not criteria.swings.allows(0.0):
         lines.append("no swing: the limits of each_swing could not be tried")
     for kind, entries in each.named.items():
         what, _ = NAMED[kind]
@@ -82,24 +81,24 @@ def _check_without_swings(
         lines += [
             _unknown(what, name, known, "the bags hold") for name in entries if name not in known
         ]
-    return 1, lines
+    return CheckResult(tuple(lines), 1)
 
 
 def _unknown(what: str, name: str, known: Iterable[str], holder: str) -> str:
     return f"unknown {what} '{name}', {holder}: {', '.join(known) or 'none'}"
 
 
-def _check_swing(limits: SwingLimits, swing: MeasuredSwing) -> tuple[int, list[str]]:
+def _check_swing(criteria: SwingCriteria, swing: MeasuredSwing) -> CheckResult:
     label = swing_label(swing)
     tried = 0
     lines = []
-    for name, bounds in limits.figures.items():
+    for name, bounds in criteria.figures.items():
         figure = FIGURES[name]
         tried += 1
         value = figure.of(swing)
         if not bounds.allows(value):
             lines.append(f"{label}: {_told(figure.title, value, figure.unit, bounds)}")
-    for kind, entries in limits.named.items():
+    for kind, entries in criteria.named.items():
         what, unit = NAMED[kind]
         values = _named_values(kind, swing)
         for name, bounds in entries.items():
@@ -109,7 +108,7 @@ def _check_swing(limits: SwingLimits, swing: MeasuredSwing) -> tuple[int, list[s
             elif not bounds.allows(values[name]):
                 title = "largest tension" if kind == "tensions" else "peak speed"
                 lines.append(f"{label}: {_told(f'{title} of {name}', values[name], unit, bounds)}")
-    return tried, lines
+    return CheckResult(tuple(lines), tried)
 
 
 def _named_values(kind: str, swing: MeasuredSwing) -> dict[str, float]:
@@ -127,13 +126,11 @@ def _told(title: str, value: float, unit: str, bounds: Bounds) -> str:
     )
 
 
-def _check_topics(
-    limits: Limits, topics: Mapping[str, Sequence[TopicTiming]]
-) -> tuple[int, list[str]]:
+def _check_topics(criteria: Criteria, topics: Mapping[str, Sequence[TopicTiming]]) -> CheckResult:
     tried = 0
     lines = []
     for source, timings in topics.items():
-        for topic, entries in limits.topics.items():
+        for topic, entries in criteria.topics.items():
             matching = [one for one in timings if topic in (one.name, one.name.rpartition("/")[2])]
             if not matching:
                 tried += 1
@@ -146,7 +143,7 @@ def _check_topics(
                     value = _topic_value(name, timing)
                     if not bounds.allows(value):
                         lines.append(f"{source} {timing.name}: {_told(title, value, unit, bounds)}")
-    return tried, lines
+    return CheckResult(tuple(lines), tried)
 
 
 def _topic_value(name: str, timing: TopicTiming) -> float:

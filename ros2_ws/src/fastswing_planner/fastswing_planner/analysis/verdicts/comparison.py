@@ -63,6 +63,16 @@ class Difference:
         return self.second.median - self.first.median
 
 
+@dataclass(frozen=True)
+class Comparison:
+    """Two named groups of swings, and the differences of their figures."""
+
+    names: tuple[str, str]
+    first: Sequence[MeasuredSwing]
+    second: Sequence[MeasuredSwing]
+    differences: Sequence[Difference]
+
+
 def spread(values: Sequence[float]) -> Spread:
     """Summarise values; NaN are left out, but counted in the total."""
     known = np.array([value for value in values if np.isfinite(value)], dtype=float)

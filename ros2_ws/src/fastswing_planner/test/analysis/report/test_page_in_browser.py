@@ -16,10 +16,10 @@ from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import BagFindings, examine
 from fastswing_planner.analysis.motor_limits import MotorLimit
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.analysis.report.comparison_drawing import comparison_pictures
 from fastswing_planner.analysis.report.page import page
+from fastswing_planner.analysis.report.results import Results
 from fastswing_planner.analysis.verdicts.checks import CheckResult
-from fastswing_planner.analysis.verdicts.comparison import compare
+from fastswing_planner.analysis.verdicts.comparison import Comparison, compare
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 TELEPHONE = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
@@ -141,12 +141,14 @@ def report(recorded: Callable[..., Recording], tmp_path_factory: pytest.TempPath
         return examine(recording.source, [recording], FindingSettings(), lines=["a <b>line</b>"])
 
     findings = [found(f"run {number}") for number in range(SWINGS)]
-    groups = [[swing for one in half for swing in one.swings] for half in (findings[:2], findings)]
+    first, second = (
+        [swing for one in half for swing in one.swings] for half in (findings[:2], findings)
+    )
     limits = {name: MotorLimit(0.3, 200.0, 450.0) for name in ("#1", "#9", "#10")}
     result = CheckResult(("run 0 <u>: too slow",), 3)
-    comparison = (compare(*groups), comparison_pictures(*groups))
+    comparison = Comparison(("old", "new"), first, second, compare(first, second))
     path = tmp_path_factory.mktemp("page") / "report.html"
-    path.write_text(page(findings, limits, result, comparison, ("old", "new")), encoding="utf-8")
+    path.write_text(page(Results(findings, limits, result, comparison)), encoding="utf-8")
     return path
 
 

@@ -15,14 +15,9 @@ from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, beyond_tension, beyond_velocity
 from fastswing_planner.analysis.recording import Recording
-from fastswing_planner.analysis.report.swing_drawing import (
-    PANELS,
-    joint_styles,
-    muscle_styles,
-    panel_svg,
-    save_swing,
-    shortened,
-)
+from fastswing_planner.analysis.report.drawing_style import joint_styles, muscle_styles
+from fastswing_planner.analysis.report.svg import shortened
+from fastswing_planner.analysis.report.swing_drawing import PANELS, panel_svg, save_swing
 
 NAMES = ("#1", "#9", "#10")
 LIMITS = dict.fromkeys(NAMES, MotorLimit(0.3, 200.0, 450.0))

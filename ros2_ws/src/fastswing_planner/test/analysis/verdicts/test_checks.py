@@ -15,11 +15,11 @@ from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import Recording, TopicTimes
 from fastswing_planner.analysis.timing import TopicTiming, topic_timing
 from fastswing_planner.analysis.verdicts.checks import CheckResult, check
-from fastswing_planner.analysis.verdicts.limits_file import (
+from fastswing_planner.analysis.verdicts.criteria import (
     Bounds,
-    LimitsFileError,
-    parse_limits,
-    read_limits,
+    CriteriaError,
+    parse_criteria,
+    read_criteria,
 )
 
 LABEL = "run.mcap swing 1 (inhibit, at 3.98 s): "
@@ -36,7 +36,7 @@ def topics(recorded: Callable[..., Recording]) -> dict[str, list[TopicTiming]]:
 
 
 def checked(content: Any, swing: MeasuredSwing) -> CheckResult:
-    return check(parse_limits(content), [swing], {})
+    return check(parse_criteria(content), [swing], {})
 
 
 def test_limits_that_are_kept_pass(swing: MeasuredSwing) -> None:
@@ -143,13 +143,13 @@ def test_limits_of_each_swing_are_not_kept_by_none_unless_none_is_allowed(
     swings: Any, lines: tuple[str, ...], topics: dict[str, list[TopicTiming]]
 ) -> None:
     content = {"each_swing": {"time": {"max": 1}}, "topics": {"joint_states": {"gaps": 0}}}
-    assert check(parse_limits(content | swings), [], topics).violations == lines
+    assert check(parse_criteria(content | swings), [], topics).violations == lines
 
 
 def test_without_limits_of_each_swing_there_may_be_none(
     topics: dict[str, list[TopicTiming]],
 ) -> None:
-    assert check(parse_limits({"topics": {"joint_states": {"gaps": 0}}}), [], topics).passed
+    assert check(parse_criteria({"topics": {"joint_states": {"gaps": 0}}}), [], topics).passed
 
 
 @pytest.mark.parametrize(
@@ -160,17 +160,17 @@ def test_without_limits_of_each_swing_there_may_be_none(
     ],
 )
 def test_a_misspelt_name_is_noticed_without_any_swing(limits: Any, line: str) -> None:
-    wanted = parse_limits({"swings": 0, "each_swing": limits})
+    wanted = parse_criteria({"swings": 0, "each_swing": limits})
     assert check(wanted, [], {}, ("S-p", "E-p"), ("#1", "#9")).violations == (line,)
 
 
 def test_a_name_of_the_bags_is_right_without_any_swing() -> None:
-    wanted = parse_limits({"swings": 0, "each_swing": {"joints": {"E-p": {"max": 2}}}})
+    wanted = parse_criteria({"swings": 0, "each_swing": {"joints": {"E-p": {"max": 2}}}})
     assert check(wanted, [], {}, ("S-p", "E-p")).passed
 
 
 def test_without_any_limit_tried_nothing_passes() -> None:
-    result = check(parse_limits({"topics": {"joint_states": {"gaps": 0}}}), [], {})
+    result = check(parse_criteria({"topics": {"joint_states": {"gaps": 0}}}), [], {})
     assert (result.checked, result.passed) == (0, False)
 
 
@@ -178,14 +178,14 @@ def test_without_any_limit_tried_nothing_passes() -> None:
 def test_topics_are_checked_with_or_without_their_namespace(
     name: str, topics: dict[str, list[TopicTiming]]
 ) -> None:
-    limits = parse_limits({"topics": {name: {"rate": {"min": 400}, "gaps": {"max": 0}}}})
+    limits = parse_criteria({"topics": {name: {"rate": {"min": 400}, "gaps": {"max": 0}}}})
     result = check(limits, [], topics)
     assert result.checked == 2
     assert result.violations == ("run.mcap /joint_states: rate is 200 Hz, at least 400 Hz allowed",)
 
 
 def test_a_topic_that_is_missing_violates_its_limits(topics: dict[str, list[TopicTiming]]) -> None:
-    limits = parse_limits({"topics": {"muscle_state": {"rate": {"min": 1}}}})
+    limits = parse_criteria({"topics": {"muscle_state": {"rate": {"min": 1}}}})
     assert check(limits, [], topics).violations == (
         "run.mcap: no topic 'muscle_state', the bag holds: /joint_states",
     )
@@ -194,7 +194,7 @@ def test_a_topic_that_is_missing_violates_its_limits(topics: dict[str, list[Topi
 @pytest.mark.parametrize(("count", "steady"), [(5, True), (50, False)])
 def test_gaps_that_were_never_looked_for_violate_their_limit(count: int, steady: bool) -> None:
     times = TopicTimes("/plan", "t/msg/T", np.arange(count) / 10.0, steady=steady)
-    limits = parse_limits({"topics": {"plan": {"gaps": {"max": 9}}}})
+    limits = parse_criteria({"topics": {"plan": {"gaps": {"max": 9}}}})
     assert check(limits, [], {"run.mcap": [topic_timing(times)]}).violations == (
         "run.mcap /plan: gaps is unknown, at most 9 allowed",
     )
@@ -233,23 +233,23 @@ def test_every_figure_can_be_limited(name: str, swing: MeasuredSwing) -> None:
     ],
 )
 def test_a_wrong_file_is_refused_with_key_and_choices(content: Any, text: str) -> None:
-    with pytest.raises(LimitsFileError) as caught:
-        parse_limits(content)
+    with pytest.raises(CriteriaError) as caught:
+        parse_criteria(content)
     assert str(caught.value) == text
 
 
 def test_an_unknown_figure_in_the_file_lists_the_figures() -> None:
-    with pytest.raises(LimitsFileError, match="unknown key 'speed', choose from: main_joint_speed"):
-        parse_limits({"each_swing": {"speed": 1}})
+    with pytest.raises(CriteriaError, match="unknown key 'speed', choose from: main_joint_speed"):
+        parse_criteria({"each_swing": {"speed": 1}})
 
 
 def test_the_file_is_named(tmp_path: Path) -> None:
     path = tmp_path / "limits.yaml"
     path.write_text("swings: [")
-    with pytest.raises(LimitsFileError, match=f"^{path}: not YAML: "):
-        read_limits(path)
-    with pytest.raises(LimitsFileError, match="cannot be read"):
-        read_limits(tmp_path / "none.yaml")
+    with pytest.raises(CriteriaError, match=f"^{path}: not YAML: "):
+        read_criteria(path)
+    with pytest.raises(CriteriaError, match="cannot be read"):
+        read_criteria(tmp_path / "none.yaml")
 
 
 @pytest.mark.parametrize(
@@ -267,8 +267,8 @@ def test_the_file_is_named(tmp_path: Path) -> None:
 def test_a_key_that_stands_twice_is_refused(text: str, line: int, key: str, tmp_path: Path) -> None:
     path = tmp_path / "limits.yaml"
     path.write_text(text)
-    with pytest.raises(LimitsFileError) as caught:
-        read_limits(path)
+    with pytest.raises(CriteriaError) as caught:
+        read_criteria(path)
     assert str(caught.value) == f"{path}: line {line}: key '{key}' stands there a second time"
 
 

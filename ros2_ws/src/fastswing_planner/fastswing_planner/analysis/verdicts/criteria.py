@@ -1,4 +1,4 @@
-"""Reads the file of limits that recordings are checked against."""
+"""What recordings are checked against: the file that `analyse --check` calls limits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ NAMED = {
 _SECTIONS = ("swings", "each_swing", "methods", "topics")
 
 
-class LimitsFileError(PlannerError, ValueError):
-    """A file of limits that cannot be used; the text names file, key and choices."""
+class CriteriaError(PlannerError, ValueError):
+    """Criteria that cannot be used; the text names file, key and choices."""
 
     code_name = "INVALID_REQUEST"
 
@@ -54,7 +54,7 @@ class Bounds:
 
 
 @dataclass(frozen=True)
-class SwingLimits:
+class SwingCriteria:
     """What every swing, or every swing of one method, has to keep.
 
     figures  by name, see FIGURES
@@ -66,18 +66,18 @@ class SwingLimits:
 
 
 @dataclass(frozen=True)
-class Limits:
-    """A file of limits.
+class Criteria:
+    """What a file asks for.
 
     swings      how many swings there must be, in all bags together
     each_swing  of every swing
-    methods     further limits of the swings of one method
+    methods     more for the swings of one method
     topics      topic -> figure -> bounds
     """
 
     swings: Bounds
-    each_swing: SwingLimits
-    methods: Mapping[str, SwingLimits]
+    each_swing: SwingCriteria
+    methods: Mapping[str, SwingCriteria]
     topics: Mapping[str, Mapping[str, Bounds]]
 
 
@@ -85,52 +85,52 @@ class _UniqueKeys(yaml.SafeLoader):
     """Refuses a key that stands twice: plain YAML forgets the first one."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """Return a mapping; raises LimitsFileError."""
+        """Return a mapping; raises CriteriaError."""
         seen: set[str] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
                 if key.value in seen:
                     line = key.start_mark.line + 1
-                    raise LimitsFileError(
+                    raise CriteriaError(
                         f"line {line}: key '{key.value}' stands there a second time"
                     )
                 seen.add(key.value)
         return super().construct_mapping(node, deep)
 
 
-def read_limits(path: Path) -> Limits:
-    """Read a file of limits; raises LimitsFileError."""
+def read_criteria(path: Path) -> Criteria:
+    """Read a file of criteria; raises CriteriaError."""
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise LimitsFileError(f"{path}: cannot be read: {error}") from error
+        raise CriteriaError(f"{path}: cannot be read: {error}") from error
     try:
-        return parse_limits(yaml.load(text, Loader=_UniqueKeys))
+        return parse_criteria(yaml.load(text, Loader=_UniqueKeys))
     except yaml.YAMLError as error:
-        raise LimitsFileError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
-    except LimitsFileError as error:
-        raise LimitsFileError(f"{path}: {error}") from error
+        raise CriteriaError(f"{path}: not YAML: {' '.join(str(error).split())}") from error
+    except CriteriaError as error:
+        raise CriteriaError(f"{path}: {error}") from error
 
 
-def parse_limits(content: Any) -> Limits:
-    """Return the limits of a file's content; raises LimitsFileError naming key and choices."""
+def parse_criteria(content: Any) -> Criteria:
+    """Return what a file's content asks for; raises CriteriaError naming key and choices."""
     sections = _mapping("the file", content, _SECTIONS)
     if not sections:
-        raise LimitsFileError(f"no limits; choose from: {', '.join(_SECTIONS)}")
+        raise CriteriaError(f"no limits; choose from: {', '.join(_SECTIONS)}")
     swings = sections.get("swings")
-    return Limits(
+    return Criteria(
         Bounds() if swings is None else _bounds("swings", swings),
-        _swing_limits("each_swing", sections.get("each_swing") or {}),
+        _swing_criteria("each_swing", sections.get("each_swing") or {}),
         {
-            str(method): _swing_limits(f"methods: {method}", limits)
-            for method, limits in _mapping("methods", sections.get("methods") or {}).items()
+            str(method): _swing_criteria(f"methods: {method}", entries)
+            for method, entries in _mapping("methods", sections.get("methods") or {}).items()
         },
         {
             str(topic): {
                 figure: _bounds(f"{topic}: {figure}", bounds)
-                for figure, bounds in _mapping(f"topics: {topic}", limits, TOPIC_FIGURES).items()
+                for figure, bounds in _mapping(f"topics: {topic}", figures, TOPIC_FIGURES).items()
             }
-            for topic, limits in _mapping("topics", sections.get("topics") or {}).items()
+            for topic, figures in _mapping("topics", sections.get("topics") or {}).items()
         },
     )
 
@@ -139,16 +139,16 @@ def _mapping(
     what: str, content: Any, keys: Sequence[str] | Mapping[str, Any] = ()
 ) -> dict[str, Any]:
     if not isinstance(content, dict):
-        raise LimitsFileError(f"{what} is {content!r}, expected a mapping")
+        raise CriteriaError(f"{what} is {content!r}, expected a mapping")
     for key in content:
         if keys and key not in keys:
-            raise LimitsFileError(f"{what}: unknown key '{key}', choose from: {', '.join(keys)}")
+            raise CriteriaError(f"{what}: unknown key '{key}', choose from: {', '.join(keys)}")
     return content
 
 
-def _swing_limits(what: str, content: Any) -> SwingLimits:
+def _swing_criteria(what: str, content: Any) -> SwingCriteria:
     entries = _mapping(what, content, (*FIGURES, *NAMED))
-    return SwingLimits(
+    return SwingCriteria(
         {
             name: _bounds(f"{what}: {name}", bounds)
             for name, bounds in entries.items()
@@ -170,14 +170,14 @@ def _bounds(what: str, content: Any) -> Bounds:
     if _is_number(content):
         return Bounds(float(content), float(content))
     if not isinstance(content, dict) or not content:
-        raise LimitsFileError(f"{what} is {content!r}, expected a number, or min, max or both")
+        raise CriteriaError(f"{what} is {content!r}, expected a number, or min, max or both")
     entries = _mapping(what, content, ("min", "max"))
     for key, value in entries.items():
         if not _is_number(value):
-            raise LimitsFileError(f"{what}: {key} is {value!r}, expected a number")
+            raise CriteriaError(f"{what}: {key} is {value!r}, expected a number")
     bounds = Bounds(float(entries.get("min", -np.inf)), float(entries.get("max", np.inf)))
     if bounds.least > bounds.most:
-        raise LimitsFileError(f"{what}: min {bounds.least:g} is above max {bounds.most:g}")
+        raise CriteriaError(f"{what}: min {bounds.least:g} is above max {bounds.most:g}")
     return bounds
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from musashi_muscle_bridge.arm_view.markers import LIMP, LINKS, MUSCLES
+from musashi_muscle_bridge.nodes.arm_markers import LIMP, LINKS, MUSCLES
 from musashi_muscle_bridge.nodes.show_arm import TABLE
 
 FRAME = {row.name: row.default for row in TABLE}["frame_id"]

@@ -11,8 +11,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from fastswing_planner.execution.measurements import MuscleMeasurement
 from fastswing_planner.robot.description import Robot
-from musashi_muscle_bridge.arm_view.markers import LIMP, LINKS, MUSCLES, ArmMarkers
 from musashi_muscle_bridge.arm_view.muscle_lines import SLACK_COLOUR
+from musashi_muscle_bridge.nodes.arm_markers import LIMP, LINKS, MUSCLES, ArmMarkers
 
 LIFETIME, SLACK_TENSION = 0.5, 1.0
 TENSIONS = st.lists(st.floats(0.0, 600.0), min_size=10, max_size=10)
