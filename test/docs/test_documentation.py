@@ -51,7 +51,7 @@ def found_in_sources(pattern: str) -> list[str]:
 
 def topics() -> list[str]:
     made = found_in_sources(r'create_(?:publisher|subscription)\(\s*\w+,\s*"/?(\w+)"')
-    recorded: dict[str, str] = import_module("fastswing_planner.nodes.recorder").TYPES
+    recorded: dict[str, str] = import_module("fastswing_planner.nodes.recorded_topics").TYPES
     return sorted({*made, *recorded})
 
 

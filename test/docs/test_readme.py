@@ -112,7 +112,7 @@ def test_the_table_of_nodes_gives_each_node_its_name() -> None:
 
 def test_the_table_of_topics_names_what_is_recorded_or_shown_with_its_type() -> None:
     named = {code(row[0]): code(row[1]).replace("/", "/msg/") for row in table("topic")}
-    recorded: dict[str, str] = import_module("fastswing_planner.nodes.recorder").TYPES
+    recorded: dict[str, str] = import_module("fastswing_planner.nodes.recorded_topics").TYPES
     shown = {"arm_markers": "visualization_msgs/msg/MarkerArray"}
     assert named == shown | {name: kind for name, kind in recorded.items() if name != "diagnostics"}
 

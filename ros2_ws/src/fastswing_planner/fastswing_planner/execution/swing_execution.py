@@ -9,13 +9,10 @@ from dataclasses import dataclass
 
 from fastswing_planner.arrays import Vector
 from fastswing_planner.errors import (
-    FaultLatched,
     Interrupted,
-    NotAtStart,
     PhaseTimeout,
     SwingAborted,
     SwingNotReady,
-    SwingStateStale,
 )
 from fastswing_planner.execution.approach import Approach
 from fastswing_planner.execution.figures import SwingFigures, SwingMeasurement
@@ -29,6 +26,12 @@ from fastswing_planner.execution.posture_path import (
     encoder_lengths,
 )
 from fastswing_planner.execution.prepared_swing import PreparedSwing
+from fastswing_planner.execution.refusals import (
+    not_at_start,
+    refuse_muscles,
+    refuse_stale,
+    refuse_stall,
+)
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
 from fastswing_planner.planning.holding import Holding
@@ -49,30 +52,6 @@ class SwingCommands:
     lengths: Vector | None = None
     arm: bool = False
     disarm: bool = False
-
-
-def refuse_muscles(muscles: MuscleMeasurement, holds: int, inhibiting: bool = False) -> None:
-    """Raise SwingAborted if muscles do not do what length commands tell them.
-
-    holds       of the measurement when the swing was asked for
-    inhibiting  some muscles may be at zero current
-    """
-    if muscles.faulty:
-        raise FaultLatched(
-            f"faulty muscles: {', '.join(muscles.faulty)}; find the cause, then clear_faults",
-        )
-    # Only Method 1 lets muscles go, and never all of them.
-    if muscles.limp and not (inhibiting and len(muscles.limp) < muscles.length.size):
-        raise FaultLatched(
-            f"muscles at zero current: {', '.join(muscles.limp)}; an emergency stop or "
-            "somebody's current_override holds them",
-        )
-    if muscles.holds != holds:
-        raise Interrupted("somebody held the arm, by hold_posture or clear_faults")
-    if muscles.driven:
-        raise Interrupted(
-            f"muscles that follow somebody's tension or current: {', '.join(muscles.driven)}",
-        )
 
 
 class SwingExecution:
@@ -204,15 +183,11 @@ class SwingExecution:
         if self._interruption:
             raise Interrupted(self._interruption)
         self._inhibitor.refuse_lost()
-        age = self.age(now)
-        if age > self._settings.state_timeout:
-            raise SwingStateStale(f"the last measurements are {age:.2f} s old")
+        refuse_stale(self.age(now), self._settings.state_timeout)
         if self._last_step is None:
             self._phase_start = now
-        elif now - self._last_step > self._settings.state_timeout:
-            # Going on would jump to where the arm should be by now.
-            stall = now - self._last_step
-            raise SwingStateStale(f"the executor did not run for {stall:.2f} s")
+        else:
+            refuse_stall(now - self._last_step, self._settings.state_timeout)
         self._last_step = now
 
     def _enter(self, phase: Phase, now: float) -> None:
@@ -227,28 +202,19 @@ class SwingExecution:
     def _arrived(self) -> bool:
         return self._measurement is not None and self._measurement.arrived
 
-    def _near_end(self) -> bool:
-        return self.distance_to_end < self._settings.arrival_tolerance
-
     def _step_raise(self, now: float, elapsed: float) -> SwingCommands:
         if elapsed >= self._approach.raise_time:
             # Paying out is for the start posture: an arm that did not come there stays as it is.
             if self._distance_to_start < self._settings.start_tolerance:
                 self._enter(Phase.ELONGATE, now)
             elif elapsed > self._settings.raise_limit:
-                raise self._not_at_start("come")
+                raise not_at_start(self._distance_to_start, self._settings, "come")
         return SwingCommands(lengths=self._approach.raising(elapsed))
 
     def _step_elongate(self, now: float, elapsed: float) -> SwingCommands:
         if elapsed >= self._approach.pay_out_time:
             self._enter(Phase.SETTLE, now)
         return SwingCommands(lengths=self._approach.paying_out(elapsed))
-
-    def _not_at_start(self, verb: str) -> NotAtStart:
-        return NotAtStart(
-            f"the arm is {self._distance_to_start:.3f} rad from the start posture and must {verb} "
-            f"within {self._settings.start_tolerance:g} rad of it",
-        )
 
     def _step_settle(self, now: float, elapsed: float) -> SwingCommands:
         near = self._distance_to_start < self._settings.start_tolerance
@@ -258,7 +224,7 @@ class SwingExecution:
         if elapsed > self._settings.settle_limit:
             if ready:
                 raise SwingNotReady("the inhibitor did not confirm that it is armed")
-            raise self._not_at_start("rest")
+            raise not_at_start(self._distance_to_start, self._settings, "rest")
         if ready and not self._inhibitor.asked:
             self._inhibitor.ask(now)
             return SwingCommands(arm=True)
@@ -295,7 +261,8 @@ class SwingExecution:
     def _step_recover(self, now: float, elapsed: float) -> SwingCommands:
         if elapsed < self._settings.recover_time:
             return SwingCommands()
-        if self._near_end() and self._rest.resting(now):
+        near = self.distance_to_end < self._settings.arrival_tolerance
+        if near and self._rest.resting(now):
             self._done = self._over = True
         elif elapsed > self._settings.recover_limit:
             raise PhaseTimeout(

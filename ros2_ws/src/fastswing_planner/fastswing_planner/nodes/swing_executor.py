@@ -82,7 +82,7 @@ class ExecutorNode(ManagedNode):
         robot, settings = self._robot, self._execution_settings
         self._rest = RestWatch(settings.rest_speed, settings.rest_time)
         planner = SwingPlanner(robot.model, robot.limits, solver_from())
-        self._context = SwingContext(
+        self._swing_context = SwingContext(
             robot, planner.hold, self._rest, settings, self._service_timeout, self._links
         )
         self._subscriptions_made = [
@@ -182,7 +182,7 @@ class ExecutorNode(ManagedNode):
             raise SwingNotReady("the swing executor is not active")
         if self._goal is not None and not handle.request.preempt:
             raise Busy("another swing runs: wait for its result, cancel it, or set preempt")
-        goal, now = SwingGoal(handle, self._context), self.monotonic()
+        goal, now = SwingGoal(handle, self._swing_context), self.monotonic()
         if self._goal is None:
             self._goal = goal
             goal.begin(now)

@@ -4,21 +4,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from builtin_interfaces.msg import Duration
 from rclpy.action.server import ServerGoalHandle
 from rclpy.task import Future
 
 from fastswing_msgs.action import ExecuteSwing
 from fastswing_msgs.msg import ErrorCode, SwingFigures
 from fastswing_msgs.msg import SwingPlan as SwingPlanMessage
-from fastswing_msgs.srv import ArmInhibitor, PlanSwing
 from fastswing_planner.arrays import Vector
-from fastswing_planner.cdr.stamps import from_seconds
-from fastswing_planner.conversion.error_codes import error_code, error_from
+from fastswing_planner.conversion.error_codes import error_code
 from fastswing_planner.conversion.plans import (
     figures_to_message,
     payload_from_options,
-    plan_from_message,
     predicted_figures,
 )
 from fastswing_planner.errors import (
@@ -27,7 +23,6 @@ from fastswing_planner.errors import (
     PhaseTimeout,
     PlannerError,
     SwingNotReady,
-    SwingStateStale,
 )
 from fastswing_planner.execution.measurements import (
     InhibitionReport,
@@ -35,21 +30,24 @@ from fastswing_planner.execution.measurements import (
     MuscleMeasurement,
 )
 from fastswing_planner.execution.prepared_swing import PreparedSwing
+from fastswing_planner.execution.refusals import refuse_muscles, refuse_stale
 from fastswing_planner.execution.rest import RestWatch
 from fastswing_planner.execution.settings import ExecutionSettings, Phase
-from fastswing_planner.execution.swing_execution import (
-    SwingCommands,
-    SwingExecution,
-    refuse_muscles,
-)
+from fastswing_planner.execution.swing_execution import SwingCommands, SwingExecution
 from fastswing_planner.nodes.executor_links import ExecutorLinks
+from fastswing_planner.nodes.plan_question import (
+    PlanQuestion,
+    answer_of,
+    arm_request,
+    plan_of,
+    refuse_foreign_plan,
+)
 from fastswing_planner.nodes.stopping import Stopping
 from fastswing_planner.planning.holding import Holding
 from fastswing_planner.planning.plan import SwingPlan
 from fastswing_planner.robot.description import Robot
-from fastswing_planner.robot.muscle_model import MuscleModel, Payload
+from fastswing_planner.robot.muscle_model import Payload
 
-_LONGEST_SEARCH_SEC = 3600.0
 _SETTLED_SEC = 0.05
 """By then every state was made after the goal began."""
 
@@ -89,7 +87,7 @@ class SwingGoal:
         self._plan: SwingPlan | None = None
         self._holds: int | None = None
         self._execution: SwingExecution | None = None
-        self._planning: Future | None = None
+        self._planning = PlanQuestion(handle.request, context.links)
         self._arming: Future | None = None
         self.error: PlannerError | None = None
         """Why the goal was stopped."""
@@ -115,10 +113,8 @@ class SwingGoal:
 
     def begin(self, now: float) -> None:
         """Begin to plan at time `now` [s]."""
-        search = np.nan_to_num(self._handle.request.options.search_time_limit)
-        timeout = self._context.service_timeout + float(np.clip(search, 0.0, _LONGEST_SEARCH_SEC))
         self._began = now
-        self._deadline = now + timeout
+        self._planning.begin(now, self._context.service_timeout)
         self._handle.publish_feedback(
             ExecuteSwing.Feedback(phase=int(Phase.PLAN), distance_to_end=np.nan)
         )
@@ -165,27 +161,15 @@ class SwingGoal:
         return False
 
     def _ask_planner(self, now: float) -> None:
-        if self._planning is None:
-            if self._context.links.planner.service_is_ready():
-                goal = self._handle.request
-                request = PlanSwing.Request(
-                    joint_name=goal.joint_name,
-                    start_position=goal.start_position,
-                    end_position=goal.end_position,
-                    options=goal.options,
-                )
-                self._planning = self._context.links.planner.call_async(request)
-        elif self._planning.done():
-            message = _answer(self._planning).plan
-            self._plan = _plan_of(message)  # before anything moves
-            self._message = message
-            self._context.links.plan.publish(message)
-            # From now on the wait is for the arm.
-            self._deadline = now + self._context.settings.settle_limit
-            self._states_deadline = now + self._context.service_timeout
+        message = self._planning.answer(now)
+        if message is None:
             return
-        if now > self._deadline:
-            raise SwingNotReady("plan_swing does not answer: is the planner running?")
+        self._plan = plan_of(message)  # before anything moves
+        self._message = message
+        self._context.links.plan.publish(message)
+        # From now on the wait is for the arm.
+        self._deadline = now + self._context.settings.settle_limit
+        self._states_deadline = now + self._context.service_timeout
 
     def _start(
         self,
@@ -196,16 +180,14 @@ class SwingGoal:
     ) -> SwingExecution | None:
         """Return the execution of the plan; None while the arm does not rest."""
         context = self._context
-        _refuse_foreign_plan(plan, context.robot.model)
+        refuse_foreign_plan(plan, context.robot.model)
         if joints is None or muscles is None:
             if now < self._states_deadline:
                 return None
             raise SwingNotReady(
                 "no joint and muscle states yet: is the bridge active, do its boards answer?"
             )
-        age = now - min(joints.time, muscles.time)
-        if age > context.settings.state_timeout:
-            raise SwingStateStale(f"the last measurements are {age:.2f} s old")
+        refuse_stale(now - min(joints.time, muscles.time), context.settings.state_timeout)
         if plan.method.inhibits and not context.links.arm.service_is_ready():
             raise SwingNotReady("arm_inhibitor is missing: is the inhibitor active?")
         if self._holds is None:
@@ -237,7 +219,7 @@ class SwingGoal:
     def _advance(self, now: float, execution: SwingExecution) -> None:
         if self._arming is not None and self._arming.done():
             arming, self._arming = self._arming, None
-            _answer(arming)
+            answer_of(arming)
             execution.inhibitor_armed()
         self._carry_out(execution.step(now))
         if not execution.done:
@@ -254,23 +236,17 @@ class SwingGoal:
         if commands.lengths is not None:
             links.command_lengths(self._context.robot.model.muscle_names, commands.lengths)
         if commands.arm:
-            self._arming = links.arm.call_async(self._arm_request())
+            assert self._message is not None
+            self._arming = links.arm.call_async(
+                arm_request(
+                    links.now(),
+                    self._message,
+                    self._handle.request.options,
+                    self._context.settings.arming_limit,
+                )
+            )
         if commands.disarm:
             self._stopping.disarm()
-
-    def _arm_request(self) -> ArmInhibitor.Request:
-        options, plan = self._handle.request.options, self._message
-        assert plan is not None
-        sec, nanosec = from_seconds(self._context.settings.arming_limit)
-        return ArmInhibitor.Request(
-            stamp=self._context.links.now(),
-            joint_name=plan.joint_name,
-            goal_position=plan.end_position,
-            # The plan's own C, not the inhibitor's parameter: it was predicted with this one.
-            threshold=options.threshold,
-            kept_muscle=options.kept_muscle,
-            time_limit=Duration(sec=sec, nanosec=nanosec),
-        )
 
     # The end.
 
@@ -313,31 +289,3 @@ class SwingGoal:
         else:
             self._handle.abort()
         self.finished.set_result(result)
-
-
-def _answer(call: Future) -> PlanSwing.Response | ArmInhibitor.Response:
-    """Return a service's answer; raises the PlannerError that it tells of."""
-    response = call.result()
-    if response.error_code != ErrorCode.SUCCESS:
-        raise error_from(response.error_code, response.error_string)
-    return response
-
-
-def _plan_of(message: SwingPlanMessage) -> SwingPlan:
-    """Return the planner's answer; raises SwingNotReady if it is no plan."""
-    try:
-        return plan_from_message(message)
-    except ValueError as error:
-        raise SwingNotReady(f"the planner's answer is no plan: {error}") from error
-
-
-def _refuse_foreign_plan(plan: SwingPlan, model: MuscleModel) -> None:
-    for what, planned, own in (
-        ("joints", plan.joint_names, model.joint_names),
-        ("muscles", plan.muscle_names, model.muscle_names),
-    ):
-        if planned != own:
-            raise SwingNotReady(
-                f"the planner's robot has the {what} {', '.join(planned)}, this one "
-                f"{', '.join(own)}: give both nodes the same robot_description",
-            )

@@ -2,6 +2,8 @@
 
 import math
 from array import array
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,7 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fastswing_planner.errors import InvalidParameter
-from fastswing_planner.lifecycle.parameters import Parameter, check_all
+from fastswing_planner.lifecycle.parameters import (
+    Parameter,
+    check_all,
+    check_change,
+    unknown_name_text,
+)
 
 RATE = Parameter("rate", 100.0, "Control rate.", unit="Hz", low=1.0, high=1000.0)
 COUNT = Parameter("count", 3, "Number of tries.", low=1, high=10)
@@ -106,3 +113,53 @@ def test_the_first_wrong_value_of_a_table_is_named() -> None:
     with pytest.raises(InvalidParameter) as caught:
         check_all([RATE, COUNT], {"rate": 0.5, "count": 99})
     assert str(caught.value) == "rate is 0.5, expected 1 to 1000 Hz"
+
+
+def accepted(_name: str, _value: Any) -> None:
+    """Judge as a robot that takes every value."""
+
+
+def refused(name: str, value: Any) -> None:
+    raise InvalidParameter(f"{name} {value} does not fit the robot")
+
+
+LIVE = replace(RATE, read_only=False)
+
+
+@pytest.mark.parametrize("judge", [None, accepted, refused])
+def test_no_invalid_value_is_ever_taken(judge: Callable[[str, Any], None] | None) -> None:
+    with pytest.raises(InvalidParameter, match="rate is nan, expected 1 to 1000 Hz"):
+        check_change(LIVE, math.nan, judge)
+
+
+def test_before_configuration_every_valid_value_is_taken() -> None:
+    check_change(RATE, 200.0, None)
+
+
+def test_a_configured_node_changes_what_may_change() -> None:
+    check_change(LIVE, 200.0, accepted)
+
+
+def test_a_configured_node_keeps_what_takes_effect_at_configuration() -> None:
+    with pytest.raises(InvalidParameter) as caught:
+        check_change(RATE, 200.0, accepted)
+    assert str(caught.value) == (
+        "rate takes effect at configuration: deactivate and clean up first"
+    )
+
+
+def test_the_robot_is_asked_with_the_checked_value() -> None:
+    with pytest.raises(InvalidParameter, match=r"rate 200\.0 does not fit the robot"):
+        check_change(LIVE, 200, refused)
+
+
+def test_a_misspelt_name_is_refused() -> None:
+    with pytest.raises(InvalidParameter) as caught:
+        unknown_name_text("read_ony", ["rate", "read_only"])
+    assert str(caught.value) == "unknown parameter 'read_ony', did you mean 'read_only'?"
+
+
+def test_another_nodes_parameter_is_ignored() -> None:
+    assert unknown_name_text("bus", ["rate", "read_only"]) == (
+        "unknown parameter 'bus' is ignored, choose from: rate, read_only"
+    )
