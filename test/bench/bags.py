@@ -2,7 +2,8 @@
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -117,43 +118,53 @@ def _decoded(bag: Path) -> int:
     return sum(READERS[ROSBAGS](bag, topic) for topic in TYPES)
 
 
-def _writing(folder: Path, count: int, rounds: int) -> list[Row]:
-    payloads = samples()[WRITTEN]
-    messages = [deserialize_message(data, MuscleState) for data in payloads]
-    definition = definition_text(TYPES[WRITTEN])
-    path = folder / "written.mcap"
+@dataclass(frozen=True)
+class BagWriting:
+    """Writes the same messages again and again, in four ways; each returns how many.
 
-    def ours() -> int:
-        path.unlink(missing_ok=True)
-        write_bag(path, count, (WRITTEN,))
-        return count
+    messages  what `payloads` hold
+    """
 
-    def plain() -> int:
-        with path.open("wb") as stream:
+    path: Path
+    count: int
+    payloads: Sequence[bytes]
+    messages: Sequence[MuscleState]
+    definition: str
+
+    def ours(self) -> int:
+        """Write with `fastswing_planner`."""
+        self.path.unlink(missing_ok=True)
+        write_bag(self.path, self.count, (WRITTEN,))
+        return self.count
+
+    def plain(self) -> int:
+        """Write bytes with `mcap`."""
+        with self.path.open("wb") as stream:
             writer = Writer(stream, compression=CompressionType.ZSTD)
             writer.start()
-            schema = writer.register_schema(TYPES[WRITTEN], "ros2msg", definition.encode())
+            schema = writer.register_schema(TYPES[WRITTEN], "ros2msg", self.definition.encode())
             channel = writer.register_channel(WRITTEN, "cdr", schema)
-            for index in range(count):
-                stamp = _START_NS + index * 1_000_000
-                writer.add_message(channel, stamp, payloads[index % len(payloads)], stamp, index)
+            for index, stamp in self._stamps():
+                data = self.payloads[index % len(self.payloads)]
+                writer.add_message(channel, stamp, data, stamp, index)
             writer.finish()
-        return count
+        return self.count
 
-    def encoding() -> int:
-        with path.open("wb") as stream:
+    def encoding(self) -> int:
+        """Write messages with `mcap-ros2-support`."""
+        with self.path.open("wb") as stream:
             writer = EncodingWriter(stream)
-            schema = writer.register_msgdef(TYPES[WRITTEN], definition)
-            for index in range(count):
-                stamp = _START_NS + index * 1_000_000
-                message = messages[index % len(messages)]
+            schema = writer.register_msgdef(TYPES[WRITTEN], self.definition)
+            for index, stamp in self._stamps():
+                message = self.messages[index % len(self.messages)]
                 writer.write_message(WRITTEN, schema, message, stamp, stamp, index)
             writer.finish()
-        return count
+        return self.count
 
-    def rosbags() -> int:
+    def rosbags(self) -> int:
+        """Write bytes with `rosbags`."""
         types = get_typestore(Stores.ROS2_JAZZY)
-        types.register(get_types_from_msg(definition, TYPES[WRITTEN]))
+        types.register(get_types_from_msg(self.definition, TYPES[WRITTEN]))
         with (
             tempfile.TemporaryDirectory() as name,
             RosbagsWriter(
@@ -161,12 +172,20 @@ def _writing(folder: Path, count: int, rounds: int) -> list[Row]:
             ) as writer,
         ):
             link = writer.add_connection(WRITTEN, TYPES[WRITTEN], typestore=types)
-            for index in range(count):
-                stamp = _START_NS + index * 1_000_000
-                writer.write(link, stamp, payloads[index % len(payloads)])
-        return count
+            for index, stamp in self._stamps():
+                writer.write(link, stamp, self.payloads[index % len(self.payloads)])
+        return self.count
 
-    programs = {"ours": ours, ROSBAGS: rosbags, "mcap": plain, MCAP: encoding}
+    def _stamps(self) -> Iterator[tuple[int, int]]:
+        return ((index, _START_NS + index * 1_000_000) for index in range(self.count))
+
+
+def _writing(folder: Path, count: int, rounds: int) -> list[Row]:
+    payloads = samples()[WRITTEN]
+    messages = [deserialize_message(data, MuscleState) for data in payloads]
+    definition = definition_text(TYPES[WRITTEN])
+    by = BagWriting(folder / "written.mcap", count, payloads, messages, definition)
+    programs = {"ours": by.ours, ROSBAGS: by.rosbags, "mcap": by.plain, MCAP: by.encoding}
     found = in_turns({name: each(call) for name, call in programs.items()}, rounds)
     return _beside_rosbags(f"write {WRITTEN}", found)
 

@@ -8,7 +8,7 @@ import random
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -124,20 +124,8 @@ def measure(
     description = load_robot(robot)
     names = description.model.muscle_names
     domain = free_domain()
-    environment = isolated_environment(domain)
     log = folder / "boards.tsv"
-    parameters = {
-        "robot_description": robot,
-        "bus_url": f"udp://127.0.0.1:{free_udp_port()}",
-    }
-    package = "musashi_muscle_bridge"
-    processes = [
-        Process(package, name, {**parameters, **own}, environment, folder / f"{name}.log")
-        for name, own in (
-            ("mock_driver", {"board_log": log}),
-            ("bridge", {"control_rate": RATE_HZ, **options}),
-        )
-    ]
+    processes = _start(robot, folder, isolated_environment(domain), log, options)
     listener = Listener(domain)
     priority = int(str(options.get("realtime_priority", 0)))
     programs: list[PaceBaseline] = []
@@ -171,6 +159,33 @@ def measure(
     measured.above_all = measured.above_all and all(one.has_priority for one in programs[2:])
     measured.rival_missed += int(np.sum(rival.lateness > PERIOD))
     _add_missed(measured, _within(boards.arrived, watched), watches)
+
+
+def _start(
+    robot: str,
+    folder: Path,
+    environment: Mapping[str, str],
+    log: Path,
+    options: Mapping[str, object],
+) -> list[Process]:
+    parameters = {
+        "robot_description": robot,
+        "bus_url": f"udp://127.0.0.1:{free_udp_port()}",
+    }
+    nodes: tuple[tuple[str, dict[str, object]], ...] = (
+        ("mock_driver", {"board_log": log}),
+        ("bridge", {"control_rate": RATE_HZ, **options}),
+    )
+    return [
+        Process(
+            "musashi_muscle_bridge",
+            name,
+            {**parameters, **own},
+            environment,
+            folder / f"{name}.log",
+        )
+        for name, own in nodes
+    ]
 
 
 def _window(listener: Listener, seconds: float) -> Window:

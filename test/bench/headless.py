@@ -2,6 +2,7 @@
 
 import tempfile
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -78,8 +79,7 @@ def _swing_rows(robot: Robot, rounds: int) -> list[Row]:
 
 def _told(one: Row) -> Row:
     """Return the row with its real-time factor as a note."""
-    values = {**vars(one), "note": f"{1e3 / one.median:.1f} times real time"}
-    return Row(**values)
+    return replace(one, note=f"{1e3 / one.median:.1f} times real time")
 
 
 def swung(robot: Robot, planner: SwingPlanner, plan: SwingPlan) -> list[float]:

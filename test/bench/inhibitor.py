@@ -295,48 +295,51 @@ def round_trips(running: Mapping[str, InhibitorBench], scale: float) -> list[Row
         # The first hundreds are slower: of those back to back, which cost little, never so few.
         share = min(scale if period else 4.0 * scale, 1.0)
         count = max(round(MESSAGES * share), 100)
-        echoes = {"C echo": partial(echo, count, period)}
-        echoes["rclpy echo"] = partial(echo, count, period, RCLPY_ECHO)
-        musashi = running["inhibitor"].robot
-        echoes[LEAST] = partial(least, musashi, count, period)
-        larger = running["inhibitor, 74 muscles"].robot
-        echoes[f"{LEAST}, 74 muscles"] = partial(least, larger, count, period)
-        own = {name: partial(bench.ask, "closed", count, period) for name, bench in running.items()}
-        results = in_turns(
-            {
-                **echoes,
-                **own,
-                **{f"{name}{AWAKE}": partial(wakeful, one) for name, one in echoes.items()},
-            },
-            rounds,
-        )
         rows += [
             replace(
                 one, name=f"{one.name}, {pace}", baseline=one.baseline and f"{one.baseline}, {pace}"
             )
-            for one in (
-                plain(results, "C echo"),
-                compared(results, "rclpy echo", "C echo"),
-                compared(results, LEAST, "C echo"),
-                compared(results, f"{LEAST}, 74 muscles", LEAST),
-                plain(results, f"C echo{AWAKE}"),
-                compared(results, f"rclpy echo{AWAKE}", f"C echo{AWAKE}"),
-                compared(results, f"{LEAST}{AWAKE}", f"C echo{AWAKE}"),
-                compared(results, f"{LEAST}, 74 muscles{AWAKE}", f"{LEAST}{AWAKE}"),
-                _beside_echo(results, "inhibitor"),
-                _beside_wakeful_echo(results, "inhibitor"),
-                _beside_echo(results, "inhibitor, cores sleep"),
-                _beside_echo(results, "inhibitor, tuned"),
-                _beside_wakeful_echo(results, "inhibitor, tuned"),
-                judged(
-                    compared(results, "inhibitor, 74 muscles", "inhibitor"),
-                    1.3,
-                    None,
-                    "median <= 1.3",
-                ),
-            )
+            for one in _compared_trips(in_turns(_programs(running, count, period), rounds))
         ]
     return rows
+
+
+def _programs(
+    running: Mapping[str, InhibitorBench], count: int, period: int
+) -> dict[str, Callable[[], Figures]]:
+    musashi = running["inhibitor"].robot
+    larger = running["inhibitor, 74 muscles"].robot
+    echoes = {
+        "C echo": partial(echo, count, period),
+        "rclpy echo": partial(echo, count, period, RCLPY_ECHO),
+        LEAST: partial(least, musashi, count, period),
+        f"{LEAST}, 74 muscles": partial(least, larger, count, period),
+    }
+    return {
+        **echoes,
+        **{name: partial(bench.ask, "closed", count, period) for name, bench in running.items()},
+        **{f"{name}{AWAKE}": partial(wakeful, one) for name, one in echoes.items()},
+    }
+
+
+def _compared_trips(results: Mapping[str, list[Figures]]) -> list[Row]:
+    large = compared(results, "inhibitor, 74 muscles", "inhibitor")
+    return [
+        plain(results, "C echo"),
+        compared(results, "rclpy echo", "C echo"),
+        compared(results, LEAST, "C echo"),
+        compared(results, f"{LEAST}, 74 muscles", LEAST),
+        plain(results, f"C echo{AWAKE}"),
+        compared(results, f"rclpy echo{AWAKE}", f"C echo{AWAKE}"),
+        compared(results, f"{LEAST}{AWAKE}", f"C echo{AWAKE}"),
+        compared(results, f"{LEAST}, 74 muscles{AWAKE}", f"{LEAST}{AWAKE}"),
+        _beside_echo(results, "inhibitor"),
+        _beside_wakeful_echo(results, "inhibitor"),
+        _beside_echo(results, "inhibitor, cores sleep"),
+        _beside_echo(results, "inhibitor, tuned"),
+        _beside_wakeful_echo(results, "inhibitor, tuned"),
+        judged(large, 1.3, None, "median <= 1.3"),
+    ]
 
 
 def steady(

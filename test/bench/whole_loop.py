@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,9 +28,9 @@ from rounds import Row
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from fastswing_msgs.msg import LengthCommand
+from fastswing_msgs.msg import ErrorCode, LengthCommand
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags.reader import Bag, open_bag
 from fastswing_planner.execution.posture_path import encoder_lengths
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI
@@ -63,6 +63,7 @@ _TURN_SEC = 0.4
 _PLAN_PAUSE_SEC = 0.1
 _TENSION = 15.0  # [N] at rest
 _SETTLE_SEC = 1.5
+_MORE_REQUESTS = 4
 _PERCENTILES = (50, 99)
 
 
@@ -152,17 +153,34 @@ class TaskCode:
 
     def arm(self, seconds: float) -> None:
         """Arm the inhibitor toward a goal that the arm does not come near to."""
-        answer = self._listener.call(
-            ArmInhibitor,
-            "arm_inhibitor",
-            ArmInhibitor.Request(
-                stamp=self._stamp(),
-                goal_position=self.posture(_ELBOW["goal"]).tolist(),
-                time_limit=Duration(sec=int(seconds) + 1),
-            ),
-        )
+
+        def ask() -> ArmInhibitor.Response:
+            return self._listener.call(
+                ArmInhibitor,
+                "arm_inhibitor",
+                ArmInhibitor.Request(
+                    stamp=self._stamp(),
+                    goal_position=self.posture(_ELBOW["goal"]).tolist(),
+                    time_limit=Duration(sec=int(seconds) + 1),
+                ),
+            )
+
+        answer = in_time(ask)
         if answer.error_code:
             raise RuntimeError(f"the inhibitor is not armed: {answer.error_string}")
+
+
+def in_time(ask: Callable[[], ArmInhibitor.Response]) -> ArmInhibitor.Response:
+    """Ask until a request comes in time, at most so often; returns the last answer.
+
+    On a busy machine a request can be too old when it arrives. Each other answer counts.
+    """
+    answer = ask()
+    for _ in range(_MORE_REQUESTS):
+        if answer.error_code != ErrorCode.STALE_REQUEST:
+            break
+        answer = ask()
+    return answer
 
 
 def _start(
@@ -226,6 +244,25 @@ def measure(
     return Events(*traced, answers), round_trip
 
 
+def _decisions(bag: Bag, robot: Robot) -> Iterator[tuple[int, int, int]]:
+    """Yield the decisions that let another muscle go: stamp [ns], publication [ns], which one."""
+    overrides = bag.columns("/current_override", time="header")
+    muscles = {name: index for index, name in enumerate(robot.model.muscle_names)}
+    # Of a decision that was not recorded nobody knows when it was made.
+    complete = np.diff(overrides.sequence.astype(int), prepend=-1) == 1
+    before: set[str] = set()
+    for stamp, decided, names, follows in zip(
+        overrides.time_ns.tolist(),
+        overrides.publish_time_ns.tolist(),
+        overrides["name"],
+        complete.tolist(),
+        strict=True,
+    ):
+        newly, before = set(names) - before, set(names)
+        if newly and follows:
+            yield stamp, decided, muscles[min(newly)]
+
+
 def _trace(
     bag_path: Path,
     boards: BoardTimes,
@@ -237,26 +274,12 @@ def _trace(
     bag = open_bag(bag_path)
     joints = bag.columns("/joint_states", time="header", fields=["header.stamp.sec"])
     published = dict(zip(joints.time_ns.tolist(), joints.publish_time_ns.tolist(), strict=True))
-    overrides = bag.columns("/current_override", time="header")
-    muscles = {name: index for index, name in enumerate(robot.model.muscle_names)}
-    before: set[str] = set()
     found: list[list[float]] = []
     lost = 0
-    # Of a decision that was not recorded nobody knows when it was made.
-    complete = np.diff(overrides.sequence.astype(int), prepend=-1) == 1
-    for stamp, decided, names, follows in zip(
-        overrides.time_ns.tolist(),
-        overrides.publish_time_ns.tolist(),
-        overrides["name"],
-        complete.tolist(),
-        strict=True,
-    ):
-        newly, before = set(names) - before, set(names)
-        decided = listener.monotonic(decided)
-        known = follows and stamp in published
-        if not newly or not known or not window[0] < decided < window[1]:
+    for stamp, decided_ns, muscle in _decisions(bag, robot):
+        decided = listener.monotonic(decided_ns)
+        if stamp not in published or not window[0] < decided < window[1]:
             continue
-        muscle = muscles[min(newly)]
         answer = boards.answer_before(listener.monotonic(stamp))
         at_work = int(np.searchsorted(boards.arrived, decided)) - 1
         if boards.off[at_work, muscle]:
