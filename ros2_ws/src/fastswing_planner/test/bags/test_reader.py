@@ -351,19 +351,22 @@ def test_topics_of_unknown_encoding_are_no_obstacle(tmp_path: Path) -> None:
         opened.columns("/noise")
     assert str(caught.value) == (
         "/noise is 'cdr' with a definition in 'jsonschema'; "
-        "only cdr with ros2msg or ros2idl can be read"
+        "only cdr with ros2msg can be read"
     )
 
 
-def test_definitions_in_idl_are_read(tmp_path: Path) -> None:
-    idl = (
-        f"{'=' * 80}\nIDL: std_msgs/msg/String\n"
-        "module std_msgs { module msg { struct String { string data; }; }; };\n"
-    )
+def test_a_topic_with_an_idl_definition_is_listed_and_refused_in_one_line(tmp_path: Path) -> None:
+    idl = "module std_msgs { module msg { struct String { string data; }; }; };"
     with Builder(tmp_path / "a.mcap") as bag:
         bag.topic("/text", STRING_NAME, idl, "ros2idl")
         bag.write("/text", text("hello"), START)
-    assert open_bag(tmp_path / "a.mcap").columns("/text")["data"].tolist() == ["hello"]
+    opened = open_bag(tmp_path / "a.mcap")
+    assert (opened.topics["/text"].encoding, opened.topics["/text"].message_count) == ("ros2idl", 1)
+    with pytest.raises(UndecodableMessage) as caught:
+        opened.columns("/text")
+    assert str(caught.value) == (
+        "/text is 'cdr' with a definition in 'ros2idl'; only cdr with ros2msg can be read"
+    )
 
 
 # However it ended.
