@@ -1,7 +1,6 @@
-"""What a message type is made of, from the definition that a bag carries; no ROS needed.
+"""The fields of a message type, from the definition that a bag carries; no ROS needed.
 
-Two encodings: `ros2msg` (the .msg text with all that it depends on) here, `ros2idl` in
-`idl_schema.py`.
+The encoding is `ros2msg`: the .msg text with all that it depends on.
 """
 
 import re

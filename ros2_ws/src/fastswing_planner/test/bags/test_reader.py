@@ -34,6 +34,7 @@ import fastswing_planner
 from fastswing_planner.bags.reader import Bag, BagError, open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.cdr.columns import Columns
+from fastswing_planner.errors import UndecodableMessage
 
 POSITION = np.arange(100.0)
 
@@ -350,8 +351,7 @@ def test_topics_of_unknown_encoding_are_no_obstacle(tmp_path: Path) -> None:
     with pytest.raises(BagError) as caught:
         opened.columns("/noise")
     assert str(caught.value) == (
-        "/noise is 'cdr' with a definition in 'jsonschema'; "
-        "only cdr with ros2msg can be read"
+        "/noise is 'cdr' with a definition in 'jsonschema'; only cdr with ros2msg can be read"
     )
 
 
