@@ -417,7 +417,7 @@ def test_a_robot_is_chosen_by_its_namespace(tmp_path: Path) -> None:
     with pytest.raises(UnusableForReplay) as caught:
         replay(bag, ARM, LIMIT)
     assert str(caught.value) == (
-        "more than one topic of type sensor_msgs/msg/JointState: "
+        "nothing to replay: more than one topic of type sensor_msgs/msg/JointState: "
         "/left/joint_states, /right/joint_states; choose with --prefix"
     )
     assert replay(bag, ARM, LIMIT, prefix="/left").agrees
