@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fastswing_planner.analysis.finding import FindingSettings, armed_intervals, find_bursts
 from fastswing_planner.analysis.recording import (
     CommandSeries,
     JointSeries,
@@ -101,11 +102,18 @@ def recording(rate: float = 200.0, until: float = 6.0) -> Recording:
     )
 
 
+def searched(recording: Recording) -> Recording:
+    """Return a recording with the fast motions that are found in it."""
+    speed, armed = recording.speed, armed_intervals(recording.status)
+    bursts = find_bursts(speed.time, speed.speed, armed, FindingSettings())
+    return replace(recording, bursts=tuple(bursts))
+
+
 @pytest.fixture(scope="session")
 def recorded() -> Callable[..., Recording]:
     """Return the recording with some of its parts exchanged."""
 
     def build(rate: float = 200.0, until: float = 6.0, **parts: Any) -> Recording:
-        return replace(recording(rate, until), **parts)
+        return searched(replace(recording(rate, until), **parts))
 
     return build

@@ -5,8 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from made_up_recording import searched
 
-from fastswing_planner.analysis.finding import FindingSettings, fastest_joint_speed
+from fastswing_planner.analysis.finding import fastest_joint_speed
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import (
@@ -99,7 +100,7 @@ def swing_by() -> Callable[[Method], Swing]:
         plan = planner.plan(request)
         loop = ClosedLoop(robot, planner, RATE)
         figures = loop.run(plan, SETTINGS)
-        found = measure_swings(recording(robot, plan, loop.samples), FindingSettings())
+        found = measure_swings(searched(recording(robot, plan, loop.samples)))
         assert len(found) == 1
         return plan, figures, found[0]
 

@@ -247,7 +247,7 @@ def test_analyse_finds_the_swing_in_the_bag_with_the_figures_of_the_summary(
 ) -> None:
     bag = finished.output / finished.summary["methods"][method]["bag"]
     (recording,) = read_recordings(bag.name, open_bag(bag), FindingSettings())
-    (swing,) = measure_swings(recording, FindingSettings())
+    (swing,) = measure_swings(recording)
     measured = figures(finished, method, "measured")
     predicted = figures(finished, method, "predicted")
     assert swing.method == PLANNED[method].name.lower()

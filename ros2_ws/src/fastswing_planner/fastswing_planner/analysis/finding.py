@@ -1,11 +1,11 @@
 """Finds the swings of a recording: when the inhibitor was armed, and when joints were fast."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from fastswing_planner.analysis.recording import CommandSeries, StatusSeries
+from fastswing_planner.analysis.recording import Burst, CommandSeries, StatusSeries
 from fastswing_planner.arrays import Matrix, Vector
 from fastswing_planner.errors import InvalidLimit
 
@@ -37,7 +37,7 @@ class FindingSettings:
 
     def __post_init__(self) -> None:
         """Raise InvalidLimit for values that make no sense together."""
-        for name, value in vars(self).items():
+        for name, value in asdict(self).items():
             if not 0.0 < value < np.inf:
                 raise InvalidLimit(f"{name} is {value:g}, expected a positive number")
         if self.swing_speed <= self.rest_speed:
@@ -45,26 +45,6 @@ class FindingSettings:
                 f"swing_speed is {self.swing_speed:g} rad/s, must be above rest_speed, "
                 f"{self.rest_speed:g} rad/s"
             )
-
-
-@dataclass(frozen=True)
-class Burst:
-    """Joint states first to last, both included, in which the arm moved without a rest.
-
-    fastest      index of the fastest one
-    begins_cut   the recording begins, or goes on after a gap, in the middle of it
-    ends_cut     the recording ends, or has a gap, before the arm rested
-    armed        the inhibitor was armed meanwhile
-    hole         [s] longest pause of known speeds in it that could hide a rest; 0: none
-    """
-
-    first: int
-    last: int
-    fastest: int
-    begins_cut: bool
-    ends_cut: bool
-    armed: bool = False
-    hole: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ def examine(
     swings: list[MeasuredSwing] = []
     told = list(lines)
     for recording in recordings:
-        found = measure_swings(recording, settings, tolerance)
+        found = measure_swings(recording, tolerance)
         swings += found
         told += [*recording.warnings, *_remarks(recording, found, settings)]
     topics = tuple(topic_timing(one) for recording in recordings for one in recording.topics)

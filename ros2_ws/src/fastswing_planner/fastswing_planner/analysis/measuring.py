@@ -8,9 +8,6 @@ import numpy as np
 from fastswing_planner.analysis.finding import (
     STAMP_JITTER_SEC,
     Burst,
-    FindingSettings,
-    armed_intervals,
-    find_bursts,
     swing_command,
 )
 from fastswing_planner.analysis.inhibition_intervals import InhibitionInterval, inhibitions, within
@@ -26,18 +23,15 @@ SHOWN_AFTER_SEC = 0.3
 """Shown of a recording after the arm came to rest."""
 
 
-def measure_swings(
-    recording: Recording, settings: FindingSettings, tolerance: float = 0.1
-) -> list[MeasuredSwing]:
-    """Find the swings of a recording and measure each.
+def measure_swings(recording: Recording, tolerance: float = 0.1) -> list[MeasuredSwing]:
+    """Measure the fast motions of a recording that are swings.
 
     tolerance  [rad] norm of the distance to the end posture that counts as arrived
     """
     joints = recording.joints
-    armed = armed_intervals(recording.status)
     inhibited = inhibitions(recording.overrides)
     swings: list[MeasuredSwing] = []
-    for found in find_bursts(recording.speed.time, recording.speed.speed, armed, settings):
+    for found in recording.bursts:
         first, last, fastest = np.searchsorted(
             joints.row, (found.first, found.last, found.fastest)
         ).tolist()
@@ -46,44 +40,42 @@ def measure_swings(
         if plan is not None and not burst.armed and is_no_swing(joints, plan, burst):
             continue
         after = max((one.start for one in swings if one.commanded), default=-np.inf)
-        swing = _measure(recording, burst, plan, planned_other, inhibited, tolerance, after)
-        swings.append(replace(swing, number=len(swings) + 1))
+        swing = _measure(
+            recording, burst, plan, inhibited, tolerance, _command(recording, burst, after)
+        )
+        notes = (*_notes(recording, swing, burst, planned_other), *_unknown(swing))
+        swings.append(replace(swing, number=len(swings) + 1, notes=notes))
     return swings
+
+
+def _command(recording: Recording, burst: Burst, after: float) -> float | None:
+    """Return when a motion was commanded [s]; `after` [s] is when the swing before was."""
+    if burst.begins_cut:
+        return None
+    time = recording.joints.time
+    begin, fastest = float(time[burst.first]), float(time[burst.fastest])
+    return swing_command(recording.commands, begin, fastest, after)
 
 
 def _measure(
     recording: Recording,
     burst: Burst,
     plan: RecordedPlan | None,
-    planned_other: bool,
     overridden: Sequence[InhibitionInterval],
     tolerance: float,
-    after: float,
+    command: float | None,
 ) -> MeasuredSwing:
-    """Measure a motion; `after` [s] is when the swing before was commanded."""
+    """Measure a motion that was commanded at `command` [s]; None: nobody knows when."""
     joints, muscles = recording.joints, recording.muscles
     begin, finish = float(joints.time[burst.first]), float(joints.time[burst.last])
-    command = None
-    if not burst.begins_cut:
-        fastest = float(joints.time[burst.fastest])
-        command = swing_command(recording.commands, begin, fastest, after)
     start = begin if command is None else command
     shown = (start - SHOWN_BEFORE_SEC, finish + SHOWN_AFTER_SEC)
-    around = _piece(burst, joints, shown)
-    joint_series = _joints_between(joints, around, start)
+    joint_series = _joints_between(joints, _piece(burst, joints, shown), start)
     muscle_series = None if muscles is None else _muscles_between(muscles, *shown, start)
-    arrival = _arrival(joints, burst, plan, start, tolerance)
     inhibited = tuple(
         InhibitionInterval(one.start - start, one.end - start, one.muscles)
         for one in within(overridden, *shown)
     )
-    notes = _notes(recording, burst, plan, planned_other, command is not None)
-    if np.isnan(arrival) and not (burst.ends_cut or burst.begins_cut):
-        notes.append(f"the arm did not come within {tolerance:g} rad of the end posture")
-    muscle_figures = _muscle_figures(muscle_series, plan, inhibited, finish - start)
-    unknown = [one.name for one in muscle_figures if np.isnan(one.peak_speed + one.peak_tension)]
-    if unknown:
-        notes.append(f"speed or tension is unknown of {' '.join(unknown)}")
     rejected, ended = _inhibitor_report(recording, *shown)
     return MeasuredSwing(
         source=recording.source,
@@ -92,12 +84,12 @@ def _measure(
         method="unplanned" if plan is None else plan.method,
         start=start,
         commanded=command is not None,
-        arrival=arrival,
+        arrival=_arrival(joints, burst, plan, start, tolerance),
         tolerance=tolerance,
         rest=finish - start,
         plan=plan,
         joints=_joint_figures(joint_series, plan, finish - start),
-        muscles=muscle_figures,
+        muscles=_muscle_figures(muscle_series, plan, inhibited, finish - start),
         joint_series=joint_series,
         muscle_series=muscle_series,
         inhibited=inhibited,
@@ -105,7 +97,7 @@ def _measure(
         rejected=rejected,
         ended=ended,
         faulty=_faulty(muscle_series),
-        notes=tuple(notes),
+        notes=(),
     )
 
 
@@ -178,12 +170,9 @@ def _arrival(
 
 
 def _notes(
-    recording: Recording,
-    burst: Burst,
-    plan: RecordedPlan | None,
-    planned_other: bool,
-    commanded: bool,
+    recording: Recording, swing: MeasuredSwing, burst: Burst, planned_other: bool
 ) -> list[str]:
+    """Return what a reader has to know of a swing; `planned_other`: its bag's plan is another's."""
     notes = []
     if burst.begins_cut:
         notes.append("half a swing: the recording begins, or has a gap, in the middle of it")
@@ -196,13 +185,20 @@ def _notes(
         )
     if planned_other:
         notes.append("the plan in the bag is another swing's: nothing is predicted")
-    elif plan is None:
+    elif swing.plan is None:
         notes.append("no plan in the bag: nothing is predicted, the end is where the arm rested")
-    if not commanded and not burst.begins_cut:
+    if not swing.commanded and not burst.begins_cut:
         notes.append("no length command before it: time counts from the first motion")
     if recording.muscles is None:
         notes.append("no muscle states in the bag: muscle speed and tension are unknown")
+    if np.isnan(swing.arrival) and not (burst.ends_cut or burst.begins_cut):
+        notes.append(f"the arm did not come within {swing.tolerance:g} rad of the end posture")
     return notes
+
+
+def _unknown(swing: MeasuredSwing) -> list[str]:
+    unknown = [one.name for one in swing.muscles if np.isnan(one.peak_speed + one.peak_tension)]
+    return [f"speed or tension is unknown of {' '.join(unknown)}"] if unknown else []
 
 
 def _peaks(values: Matrix) -> Vector:

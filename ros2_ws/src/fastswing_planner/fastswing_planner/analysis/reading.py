@@ -1,6 +1,6 @@
 """Reads a bag's arms into recordings; what is kept of a long bag is little more than its swings."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from fastswing_planner.analysis.finding import (
 from fastswing_planner.analysis.losses import DIAGNOSTICS, counted_losses, recorder_losses
 from fastswing_planner.analysis.recorded_plan import recorded_plan
 from fastswing_planner.analysis.recording import (
+    Burst,
     CommandSeries,
     JointSeries,
     JointSpeed,
@@ -25,20 +26,23 @@ from fastswing_planner.analysis.recording import (
     Recording,
     StatusSeries,
     TopicTimes,
-    plausible,
 )
-from fastswing_planner.arrays import Matrix, Vector
-from fastswing_planner.bags.reader import Bag, BagError, Columns
+from fastswing_planner.analysis.state_tables import inside, matrix_of, names_of
+from fastswing_planner.analysis.timed_topics import (
+    JOINT_STATE,
+    MUSCLE_STATE,
+    TimedTopics,
+    topic_times,
+)
+from fastswing_planner.bags.reader import Bag, BagError
+from fastswing_planner.bags.robot_topics import namespace_of, robot_topics
 from fastswing_planner.cdr.stamps import to_seconds
 
-JOINT_STATE = "sensor_msgs/msg/JointState"
-MUSCLE_STATE = "fastswing_msgs/msg/MuscleState"
 OVERRIDE = "fastswing_msgs/msg/CurrentOverride"
 STATUS = "fastswing_msgs/msg/InhibitionStatus"
 COMMAND = "fastswing_msgs/msg/LengthCommand"
 PLAN = "fastswing_msgs/msg/SwingPlan"
 
-_STEADY = (JOINT_STATE, MUSCLE_STATE)
 _TIMED = ("fastswing_msgs/msg/TensionCommand", "fastswing_msgs/msg/CurrentCommand")
 """Of these only the times are used."""
 _AROUND_SEC = 0.6
@@ -64,8 +68,8 @@ def read_recordings(source: str, bag: Bag, settings: FindingSettings) -> list[Re
         raise NoJointStates(f"{source} is empty: it holds no message")
     arms: dict[str, str] = {}
     for topic in bag.topics_of_type(JOINT_STATE):
-        namespace, _, name = topic.rpartition("/")
-        if namespace not in arms or name == "joint_states":
+        namespace = namespace_of(topic)
+        if namespace not in arms or topic.endswith("/joint_states"):
             arms[namespace] = topic
     if not arms:
         held = ", ".join(f"{one.name} ({one.type})" for one in bag.topics.values())
@@ -74,7 +78,7 @@ def read_recordings(source: str, bag: Bag, settings: FindingSettings) -> list[Re
     counters, warnings = counted_losses(bag)
     warnings += recorder_losses(bag.metadata_records)
     recordings = [
-        _Arm(source, bag, namespace, began, settings).read(topic)
+        _Arm(source, bag, namespace, TimedTopics(bag, began), settings).read(topic)
         for namespace, topic in sorted(arms.items())
     ]
     first = recordings[0]
@@ -82,7 +86,7 @@ def read_recordings(source: str, bag: Bag, settings: FindingSettings) -> list[Re
         first,
         counters=counters,
         warnings=(*warnings, *first.warnings),
-        topics=(*first.topics, *_times(bag, bag.topics_of_type(DIAGNOSTICS), began)),
+        topics=(*first.topics, *topic_times(bag, bag.topics_of_type(DIAGNOSTICS), began)),
     )
     return recordings
 
@@ -94,52 +98,46 @@ class _Arm:
     source: str
     bag: Bag
     namespace: str
-    began_ns: int
+    clocked: TimedTopics
     settings: FindingSettings
     warnings: list[str] = field(default_factory=list)
-    topics: list[TopicTimes] = field(default_factory=list)
     clock_lead: float = 0.0
     """[s] by which the recorder's clock is ahead of the joint states'; 0 if they agree."""
 
     def read(self, joint_topic: str) -> Recording:
         speed = self._speed(joint_topic)
-        self._compare_clocks(self.topics[-1])
+        self._compare_clocks(self.clocked.topics[-1])
         status = self._status()
-        kept = _windows(speed, status, self.settings)
+        bursts = find_bursts(speed.time, speed.speed, armed_intervals(status), self.settings)
+        kept = _windows(speed, bursts)
         joints = self._joints(joint_topic, kept)
         muscles = self._muscles(kept)
         overrides, commands = self._overrides(), self._commands()
         plans = self._plans()
         for type_name in _TIMED:
-            self._add_times(self._topic(type_name))
+            self.clocked.add_times(self._topic(type_name))
         return Recording(
             source=self.source,
             namespace=self.namespace,
             speed=speed,
             joints=joints,
-            began_ns=self.began_ns,
+            bursts=tuple(bursts),
+            began_ns=self.clocked.began_ns,
             muscles=muscles,
             overrides=overrides,
             status=status,
             commands=commands,
             plans=plans,
-            topics=tuple(self.topics),
+            topics=tuple(self.clocked.topics),
             warnings=tuple(self.warnings),
         )
 
     def _topic(self, type_name: str) -> str | None:
         """Return this namespace's topic of a type; None if it has none with messages."""
-        for topic in self.bag.topics_of_type(type_name):
-            if topic.rpartition("/")[0] == self.namespace:
+        for topic in robot_topics(self.bag, type_name, self.namespace):
+            if namespace_of(topic) == self.namespace:
                 return topic
         return None
-
-    def _seconds(self, time_ns: NDArray[np.int64]) -> Vector:
-        return np.asarray((time_ns - self.began_ns) * 1e-9)
-
-    def _stamps(self, part: Columns) -> Vector:
-        """Return the headers' stamps [s]; a header without one counts as just recorded."""
-        return self._seconds(np.where(part.time_ns == 0, part.log_time_ns, part.time_ns))
 
     def _compare_clocks(self, joints: TopicTimes) -> None:
         lead = clock_lead(joints)
@@ -152,40 +150,15 @@ class _Arm:
             "latencies of overrides mean nothing"
         )
 
-    def _parts(self, topic: str, *fields: str) -> Iterator[Columns]:
-        """Read a topic by its stamps, once noting when its messages came."""
-        known = {"header.stamp.sec", *self.bag.fields(topic)}
-        wanted = [name for name in fields if name in known]
-        log_times, stamps, sequences = [], [], []
-        for part in self.bag.stream(topic, time="header", fields=wanted):
-            log_times.append(self._seconds(part.log_time_ns))
-            stamps.append(self._stamps(part))
-            sequences.append(part.sequence)
-            yield part
-        if topic in {one.name for one in self.topics}:
-            return
-        type_name = self.bag.topics[topic].type
-        steady = type_name in _STEADY
-        self.topics.append(
-            TopicTimes(
-                topic,
-                type_name,
-                np.concatenate(log_times),
-                np.concatenate(stamps) if steady else None,
-                np.concatenate(sequences).astype(np.int64),
-                steady,
-            )
-        )
-
     def _speed(self, topic: str) -> JointSpeed:
         times, speeds = [], []
         best = (-1.0, "")
         names: tuple[str, ...] = ()
-        for part in self._parts(topic, "name", "velocity"):
-            names = names or _names(part)
-            velocity = _matrix(part, "velocity", names)
+        for part in self.clocked.parts(topic, "name", "velocity"):
+            names = names or names_of(part)
+            velocity = matrix_of(part, "velocity", names)
             speed = fastest_joint_speed(velocity)
-            times.append(self._stamps(part))
+            times.append(self.clocked.stamps(part))
             speeds.append(speed)
             if np.isfinite(speed).any():
                 row = int(np.nanargmax(speed))
@@ -197,15 +170,15 @@ class _Arm:
         rows, times, positions, velocities = [], [], [], []
         names: tuple[str, ...] = ()
         at = 0
-        for part in self._parts(topic, "name", "position", "velocity"):
-            names = names or _names(part)
-            time = self._stamps(part)
-            chosen = np.flatnonzero(_inside(time, kept))
+        for part in self.clocked.parts(topic, "name", "position", "velocity"):
+            names = names or names_of(part)
+            time = self.clocked.stamps(part)
+            chosen = np.flatnonzero(inside(time, kept))
             rows.append(at + chosen)
             at += time.size
             times.append(time[chosen])
-            positions.append(_matrix(part, "position", names)[chosen])
-            velocities.append(_matrix(part, "velocity", names)[chosen])
+            positions.append(matrix_of(part, "position", names)[chosen])
+            velocities.append(matrix_of(part, "velocity", names)[chosen])
         return JointSeries(
             names,
             np.concatenate(rows),
@@ -223,15 +196,15 @@ class _Arm:
         times = []
         names: tuple[str, ...] = ()
         try:
-            for part in self._parts(topic, "name", *fields):
-                names = names or _names(part)
-                time = self._stamps(part)
-                chosen = _inside(time, kept)
+            for part in self.clocked.parts(topic, "name", *fields):
+                names = names or names_of(part)
+                time = self.clocked.stamps(part)
+                chosen = inside(time, kept)
                 times.append(time[chosen])
                 for name in fields[:3]:
-                    tables[name].append(_matrix(part, name, names)[chosen])
+                    tables[name].append(matrix_of(part, name, names)[chosen])
                 for name, unknown in (("mode", _UNKNOWN_MODE), ("fault", 0)):
-                    values = np.nan_to_num(_matrix(part, name, names)[chosen], nan=unknown)
+                    values = np.nan_to_num(matrix_of(part, name, names)[chosen], nan=unknown)
                     tables[name].append(values.astype(np.uint8))
         except BagError as error:
             self.warnings.append(str(error))
@@ -245,9 +218,9 @@ class _Arm:
             return None
         stamps, received, leases = [], [], []
         muscles: list[tuple[str, ...]] = []
-        for part in self._parts(topic, "name", "lease.sec", "lease.nanosec"):
-            stamps.append(self._stamps(part))
-            received.append(self._seconds(part.log_time_ns))
+        for part in self.clocked.parts(topic, "name", "lease.sec", "lease.nanosec"):
+            stamps.append(self.clocked.stamps(part))
+            received.append(self.clocked.seconds(part.log_time_ns))
             leases.append(to_seconds(part["lease.sec"], part["lease.nanosec"]))
             muscles += [tuple(row) for row in part["name"]]
         return OverrideSeries(
@@ -260,9 +233,9 @@ class _Arm:
             return None
         times, armed, rejected = [], [], []
         reasons: list[str] = []
-        for part in self._parts(topic, "armed", "rejected", "reason_text"):
-            received = self._seconds(part.log_time_ns) - self.clock_lead
-            times.append(np.where(part.time_ns == 0, received, self._seconds(part.time_ns)))
+        for part in self.clocked.parts(topic, "armed", "rejected", "reason_text"):
+            received = self.clocked.seconds(part.log_time_ns) - self.clock_lead
+            times.append(np.where(part.time_ns == 0, received, self.clocked.seconds(part.time_ns)))
             armed.append(part["armed"].astype(bool))
             unknown = np.full(part.count, np.nan)
             rejected.append(np.asarray(part.get("rejected", unknown), dtype=float))
@@ -277,8 +250,8 @@ class _Arm:
             return None
         times, steps = [], []
         known: dict[str, float] = {}
-        for part in self._parts(topic, "name", "length"):
-            times.append(self._stamps(part))
+        for part in self.clocked.parts(topic, "name", "length"):
+            times.append(self.clocked.stamps(part))
             for names, lengths in zip(part["name"], part["length"], strict=True):
                 new = dict(zip(names, np.asarray(lengths, dtype=float).tolist(), strict=False))
                 moved = [abs(new[name] - known[name]) for name in new if name in known]
@@ -294,16 +267,12 @@ class _Arm:
         try:
             for log_time_ns, message in self.bag.messages(topic):
                 # Its stamp says when it was planned, which may be long before its swing.
-                received = (log_time_ns - self.began_ns) * 1e-9 - self.clock_lead
+                received = (log_time_ns - self.clocked.began_ns) * 1e-9 - self.clock_lead
                 plans += self._usable(topic, received, message)
         except BagError as error:
             self.warnings.append(str(error))
-        self._add_times(topic)
+        self.clocked.add_times(topic)
         return tuple(plans)
-
-    def _add_times(self, topic: str | None) -> None:
-        if topic is not None:
-            self.topics += _times(self.bag, [topic], self.began_ns)
 
     def _usable(self, topic: str, received: float, message: Any) -> list[RecordedPlan]:
         try:
@@ -320,67 +289,9 @@ def clock_lead(topic: TopicTimes) -> float:
     return float(np.median(topic.received - topic.stamp))
 
 
-def _windows(
-    speed: JointSpeed, status: StatusSeries | None, settings: FindingSettings
-) -> list[tuple[float, float]]:
+def _windows(speed: JointSpeed, bursts: Sequence[Burst]) -> list[tuple[float, float]]:
     """Return from when to when [s] states are kept."""
-    bursts = find_bursts(speed.time, speed.speed, armed_intervals(status), settings)
     return [
         (float(speed.time[one.first]) - _AROUND_SEC, float(speed.time[one.last]) + _AROUND_SEC)
         for one in bursts
     ]
-
-
-def _inside(time: Vector, windows: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
-    inside = np.zeros(time.shape, dtype=bool)
-    if time.size == 0:
-        return inside
-    low, high = float(time.min()), float(time.max())
-    for begin, end in windows:
-        if begin <= high and end >= low:
-            inside |= (time >= begin) & (time <= end)
-    return inside
-
-
-def _names(part: Columns) -> tuple[str, ...]:
-    """Return the names in the first message; empty without messages."""
-    return tuple(part["name"][0]) if part.count else ()
-
-
-def _matrix(part: Columns, name: str, names: tuple[str, ...]) -> Matrix:
-    """Return a field in the order of `names`, shape (k, len(names)); NaN where it is missing."""
-    if name not in part:
-        return np.full((part.count, len(names)), np.nan)
-    values, titles = part[name], part["name"]
-    if (
-        values.ndim == 2
-        and titles.ndim == 2
-        and values.shape == titles.shape
-        and tuple(titles[0]) == names
-        and bool((titles == titles[0]).all())
-    ):
-        return plausible(values)
-    table = np.full((part.count, len(names)), np.nan)
-    place = {title: column for column, title in enumerate(names)}
-    for row, (keys, numbers) in enumerate(zip(titles, values, strict=True)):
-        if len(keys) == len(numbers):
-            for key, number in zip(keys, numbers, strict=True):
-                if key in place:
-                    table[row, place[key]] = number
-    return plausible(table)
-
-
-def _times(bag: Bag, topics: Sequence[str], began_ns: int) -> list[TopicTimes]:
-    """Return when the messages of topics came that are read otherwise."""
-    found = []
-    for topic in topics:
-        parts = list(bag.stream(topic, fields=[]))
-        found.append(
-            TopicTimes(
-                topic,
-                bag.topics[topic].type,
-                np.concatenate([(part.log_time_ns - began_ns) * 1e-9 for part in parts]),
-                sequence=np.concatenate([part.sequence for part in parts]).astype(np.int64),
-            )
-        )
-    return found

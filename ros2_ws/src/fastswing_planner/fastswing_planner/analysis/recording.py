@@ -29,6 +29,26 @@ class JointSpeed:
 
 
 @dataclass(frozen=True)
+class Burst:
+    """Joint states first to last, both included, in which the arm moved without a rest.
+
+    fastest      index of the fastest one
+    begins_cut   the recording begins, or goes on after a gap, in the middle of it
+    ends_cut     the recording ends, or has a gap, before the arm rested
+    armed        the inhibitor was armed meanwhile
+    hole         [s] longest pause of known speeds in it that could hide a rest; 0: none
+    """
+
+    first: int
+    last: int
+    fastest: int
+    begins_cut: bool
+    ends_cut: bool
+    armed: bool = False
+    hole: float = 0.0
+
+
+@dataclass(frozen=True)
 class JointSeries:
     """Measured joint states, as many as are needed.
 
@@ -174,6 +194,7 @@ class Recording:
     namespace  of its topics, without a slash at the end; empty: none
     began_ns   when it began, since 1970
     speed      of all joint states
+    bursts     the fast motions that were found in it; their indices are of `speed`
     joints     the joint states around the fast motions, at least
     muscles    the muscle states around them
     counters   increase of the counted rejections and losses, node -> name -> count
@@ -184,6 +205,7 @@ class Recording:
     namespace: str
     speed: JointSpeed
     joints: JointSeries
+    bursts: tuple[Burst, ...] = ()
     began_ns: int = 0
     muscles: MuscleSeries | None = None
     overrides: OverrideSeries | None = None

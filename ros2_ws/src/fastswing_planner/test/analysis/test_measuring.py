@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up_recording import searched
 
-from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import CommandSeries, JointSpeed, Recording
@@ -18,7 +18,7 @@ COMMAND = 3.98
 
 
 def only(recording: Recording) -> MeasuredSwing:
-    (swing,) = measure_swings(recording, FindingSettings())
+    (swing,) = measure_swings(searched(recording))
     return swing
 
 
@@ -121,7 +121,7 @@ def test_raising_the_arm_faster_than_a_swing_is_no_swing(
         joints=replace(recording.joints, velocity=velocity, position=position),
         speed=JointSpeed(recording.speed.time, speed, "E-p"),
     )
-    assert [swing.start for swing in measure_swings(again, FindingSettings())] == [COMMAND]
+    assert [swing.start for swing in measure_swings(searched(again))] == [COMMAND]
 
 
 def test_a_plan_for_another_start_predicts_nothing(recorded: Recorded) -> None:
@@ -193,7 +193,7 @@ def test_two_motions_after_one_command_are_not_both_commanded(recorded: Recorded
         speed=JointSpeed(time, speed, "E-p"),
         commands=CommandSeries(np.array([4.35]), np.array([0.2])),
     )
-    swings = measure_swings(recording, FindingSettings())
+    swings = measure_swings(searched(recording))
     assert [swing.commanded for swing in swings] == [True, False]
 
 

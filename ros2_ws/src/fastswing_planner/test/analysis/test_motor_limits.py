@@ -32,7 +32,7 @@ def without_10(recorded: Recorded) -> Recording:
 
 
 def only(recording: Recording) -> MeasuredSwing:
-    (swing,) = measure_swings(recording, FindingSettings())
+    (swing,) = measure_swings(recording)
     return swing
 
 

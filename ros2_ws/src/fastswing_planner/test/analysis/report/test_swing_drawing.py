@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.patches import Rectangle
 
-from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.motor_limits import MotorLimit, beyond_tension, beyond_velocity
@@ -25,7 +24,7 @@ LIMITS = dict.fromkeys(NAMES, MotorLimit(0.3, 200.0, 450.0))
 
 @pytest.fixture(scope="module")
 def swing(recorded: Callable[..., Recording]) -> MeasuredSwing:
-    return measure_swings(recorded(), FindingSettings())[0]
+    return measure_swings(recorded())[0]
 
 
 def drawn(swing: MeasuredSwing, panel: str, labelled: bool = True) -> Axes:
@@ -111,7 +110,7 @@ def test_paths_are_shortened_and_nothing_else() -> None:
 def test_a_swing_without_muscle_states_can_be_drawn(
     recorded: Callable[..., Recording], tmp_path: Path
 ) -> None:
-    (swing,) = measure_swings(recorded(muscles=None, plans=()), FindingSettings())
+    (swing,) = measure_swings(recorded(muscles=None, plans=()))
     path = tmp_path / "swing.png"
     save_swing(path, swing, joint_styles([swing]), muscle_styles([swing]), {}, "title")
     assert imread(path)[..., :3].std() > 0.05

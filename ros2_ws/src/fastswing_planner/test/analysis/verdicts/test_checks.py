@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from fastswing_planner.analysis.figures import FIGURES
-from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import Recording, TopicTimes
@@ -27,7 +26,7 @@ LABEL = "run.mcap swing 1 (inhibit, at 3.98 s): "
 
 @pytest.fixture
 def swing(recorded: Callable[..., Recording]) -> MeasuredSwing:
-    return measure_swings(recorded(), FindingSettings())[0]
+    return measure_swings(recorded())[0]
 
 
 @pytest.fixture
@@ -72,7 +71,7 @@ def test_a_violation_is_one_line_with_swing_value_and_bound(
 
 
 def test_an_unknown_figure_violates_its_limit(recorded: Callable[..., Recording]) -> None:
-    (swing,) = measure_swings(recorded(muscles=None), FindingSettings())
+    (swing,) = measure_swings(recorded(muscles=None))
     assert checked({"each_swing": {"tension": {"max": 300}}}, swing).violations == (
         LABEL + "largest tension is unknown, at most 300 N allowed",
     )
@@ -81,7 +80,7 @@ def test_an_unknown_figure_violates_its_limit(recorded: Callable[..., Recording]
 def test_without_an_inhibition_status_no_limit_of_rejections_is_kept(
     recorded: Callable[..., Recording],
 ) -> None:
-    (swing,) = measure_swings(recorded(status=None), FindingSettings())
+    (swing,) = measure_swings(recorded(status=None))
     assert checked({"each_swing": {"rejected": 0}}, swing).violations == (
         LABEL + "joint states rejected is unknown, exactly 0 allowed",
     )
@@ -95,9 +94,7 @@ def test_the_largest_of_all_muscles_is_unknown_if_one_is(
     assert muscles is not None
     values = getattr(muscles, figure).copy()
     values[:, 2] = np.nan
-    (swing,) = measure_swings(
-        recorded(muscles=replace(muscles, **{figure: values})), FindingSettings()
-    )
+    (swing,) = measure_swings(recorded(muscles=replace(muscles, **{figure: values})))
     (line,) = checked({"each_swing": {name: {"max": 999}}}, swing).violations
     assert f"is unknown, at most 999 {FIGURES[name].unit} allowed" in line
 
@@ -108,9 +105,7 @@ def test_the_fastest_of_all_joints_is_unknown_if_one_is(
     joints = recorded().joints
     velocity = joints.velocity.copy()
     velocity[:, 0] = np.nan
-    (swing,) = measure_swings(
-        recorded(joints=replace(joints, velocity=velocity)), FindingSettings()
-    )
+    (swing,) = measure_swings(recorded(joints=replace(joints, velocity=velocity)))
     assert not checked({"each_swing": {"joint_speed": {"max": 999}}}, swing).passed
 
 

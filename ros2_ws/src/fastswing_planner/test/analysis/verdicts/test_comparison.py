@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.recording import Recording
@@ -19,7 +18,7 @@ from fastswing_planner.analysis.verdicts.comparison import Difference, compare, 
 @pytest.fixture
 def swings(recorded: Callable[..., Recording]) -> Callable[..., list[MeasuredSwing]]:
     """Return swings with these times [s] and a method."""
-    (swing,) = measure_swings(recorded(), FindingSettings())
+    (swing,) = measure_swings(recorded())
 
     def build(times: Sequence[float], method: str = "inhibit") -> list[MeasuredSwing]:
         return [replace(swing, arrival=time, method=method) for time in times]
