@@ -53,14 +53,14 @@ hold on a busy machine too. The milliseconds include the machine's stalls.
 
 BESIDES = """## Besides
 
-- **Method 1's muscles come back bumplessly.** The zero current ends with the lease. From there the
-  commanded length moves from the measured one to the commanded one within the speed limit: that is
-  the difference between "no muscle is let go" and `held`.
+- **Method 1's muscles come back without a jump.** The zero current ends with the lease. Then the
+  setpoint moves from the measured length to the commanded one within the speed limit: that is the
+  difference between "no muscle is let go" and `held`.
 - **A swing whose inhibitor dies ends**, when the executor has not heard of it for `state_timeout`:
   the muscles are back by then, and the arm is held where it is.
 - **A bridge that is stopped (SIGSTOP)** goes on controlling for `supervision_timeout` (0.5 s) in
-  its control process; then that one stops sending too, and the boards' watchdog acts.
-- **A stray joint state** that jumps ends the inhibition and the swing at once, one with NaN
+  its control process. Then this process stops sending too, and the boards' watchdog acts.
+- **A stray joint state** that jumps ends the inhibition and the swing at once. One with NaN
   is counted and ignored.
 - **After a fault the arm may hang where no muscles can hold it on its way to the start.** The next
   swing is then refused with HOLDING_INFEASIBLE. Support the arm, `emergency_stop`, let it hang,
