@@ -1,6 +1,5 @@
 """How fast bags become numpy columns, beside the libraries that decode message by message."""
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -105,15 +104,3 @@ READERS: dict[str, Callable[[Path, str], int]] = {
     "rosbags": read_with_rosbags,
     "mcap-ros2-support": read_with_mcap,
 }
-
-
-def rates(path: Path, topic: str, repetitions: int = 1) -> dict[str, float]:
-    """Return messages per second of this process's time of each reader, the best of several."""
-    found: dict[str, float] = {}
-    for _ in range(repetitions):
-        for name, read in READERS.items():
-            begin = time.process_time()
-            count = read(path, topic)
-            rate = count / (time.process_time() - begin)
-            found[name] = max(found.get(name, 0.0), rate)
-    return found
