@@ -7,14 +7,19 @@ from collections.abc import Iterator
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from processes import Process, free_domain, isolated_environment, stop_all
+
+if TYPE_CHECKING:
+    from test.system.suite import Suite
 
 ROOT = Path(__file__).parents[2]
 
 PACKAGES = ("fastswing_inhibitor", "fastswing_planner", "musashi_muscle_bridge")
 README = (ROOT / "README.md").read_text()
+EXAMPLES = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 INTERFACES = (ROOT / "docs/interfaces.md").read_text()
 RECOVERY = (ROOT / "docs/recovery.md").read_text()
 SOURCES = ROOT / "ros2_ws/src"
@@ -78,7 +83,7 @@ def environment(tmp_path: Path) -> Iterator[dict[str, str]]:
 def test_the_python_example_plans_method_2_and_masks_the_biceps(
     environment: dict[str, str],
 ) -> None:
-    (example,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    example, _ = EXAMPLES
     run = subprocess.run(
         [sys.executable, "-c", example],
         env=environment,
@@ -93,6 +98,20 @@ def test_the_python_example_plans_method_2_and_masks_the_biceps(
     assert promised
     assert "('#9',)" in run.stdout
     assert run.stdout.strip() == promised[1]
+
+
+def test_the_python_examples_together_swing_the_arm(all_nodes: "Suite") -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", "\n".join(EXAMPLES)],
+        env=isolated_environment(all_nodes.domain),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=EXAMPLE_SEC,
+    )
+    assert run.returncode == 0, run.stdout
+    assert re.search(r"^arrived after 0\.\d\d s$", run.stdout, re.MULTILINE), run.stdout
 
 
 def test_the_table_of_nodes_names_every_executable_and_no_other() -> None:
