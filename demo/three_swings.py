@@ -141,13 +141,13 @@ def start_nodes(environment: dict[str, str], logs: Path) -> list[Process]:
     """Start everything but the recorder."""
     bus = {"bus_url": f"udp://127.0.0.1:{free_udp_port()}"}
     # A shared desktop stalls for longer than a robot PC may: the mock waits for it.
-    patience = 0.5
+    timeout = 0.5
     nodes: list[tuple[str, str, dict[str, Any]]] = [
         ("musashi_muscle_bridge", "mock_driver", bus),
-        ("musashi_muscle_bridge", "bridge", {**bus, "watchdog_timeout": patience}),
+        ("musashi_muscle_bridge", "bridge", {**bus, "watchdog_timeout": timeout}),
         ("fastswing_planner", "planner", {}),
-        ("fastswing_planner", "swing_executor", {"state_timeout": patience}),
-        ("fastswing_inhibitor", "inhibitor", {"state_timeout": patience, "lease": 0.2}),
+        ("fastswing_planner", "swing_executor", {"state_timeout": timeout}),
+        ("fastswing_inhibitor", "inhibitor", {"state_timeout": timeout, "lease": 0.2}),
     ]
     return [
         Process(package, name, parameters, environment, logs / f"{name}.log")

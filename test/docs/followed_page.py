@@ -10,7 +10,7 @@ from pathlib import Path
 from processes import executable
 
 DOCS = Path(__file__).parents[2] / "docs"
-_PATIENCE_SEC = 300.0
+_TIMEOUT_SEC = 300.0
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,6 @@ def _run(line: str, folder: Path) -> str:
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=_PATIENCE_SEC,
+        timeout=_TIMEOUT_SEC,
     )
     return run.stdout

@@ -38,7 +38,7 @@ METHODS = {
     "elongate": SwingOptions.METHOD_ELONGATE,
     "hybrid": SwingOptions.METHOD_HYBRID,
 }
-PATIENCE_SEC = 0.5
+TIMEOUT_SEC = 0.5
 """As in the demo: a shared desktop stalls for longer than a robot PC may."""
 PERIOD_SEC = 10.0
 SAMPLE_SEC = 1.0
@@ -122,11 +122,11 @@ def start_nodes(environment: dict[str, str], logs: Path, rate: float) -> list[Pr
         (
             "musashi_muscle_bridge",
             "bridge",
-            {**bus, "control_rate": rate, "watchdog_timeout": PATIENCE_SEC},
+            {**bus, "control_rate": rate, "watchdog_timeout": TIMEOUT_SEC},
         ),
         ("fastswing_planner", "planner", {}),
-        ("fastswing_planner", "swing_executor", {"state_timeout": PATIENCE_SEC}),
-        ("fastswing_inhibitor", "inhibitor", {"state_timeout": PATIENCE_SEC, "lease": 0.2}),
+        ("fastswing_planner", "swing_executor", {"state_timeout": TIMEOUT_SEC}),
+        ("fastswing_inhibitor", "inhibitor", {"state_timeout": TIMEOUT_SEC, "lease": 0.2}),
     ]
     return [
         Process(package, name, parameters, environment, logs / f"{name}.log")

@@ -16,7 +16,7 @@ from fastswing_msgs.msg import MuscleState
 if TYPE_CHECKING:
     from test.system.suite import Suite
 
-_PATIENCE_SEC = 120.0
+_TIMEOUT_SEC = 120.0
 
 
 def calibrate(
@@ -34,7 +34,7 @@ def calibrate(
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=_PATIENCE_SEC,
+        timeout=_TIMEOUT_SEC,
     )
 
 
@@ -157,7 +157,7 @@ def test_ctrl_c_in_a_terminal_ends_it(bridge_and_mock: "Suite", tmp_path: Path) 
         while b"Enter goes on" not in seen:
             seen += os.read(ours, 1000)
         process.send_signal(signal.SIGINT)
-        assert process.wait(_PATIENCE_SEC) == 1
+        assert process.wait(_TIMEOUT_SEC) == 1
     finally:
         process.kill()
         process.wait()

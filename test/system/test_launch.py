@@ -117,8 +117,8 @@ def test_replay_shows_a_bag_to_a_live_inhibitor_and_prints_its_swings(
     left.node.create_subscription(Clock, "/clock", lambda m: clock.append(m.clock), 1)
     left.node.create_subscription(InhibitionStatus, "inhibition_status", statuses.append, 10)
     bag = write_swing(tmp_path / "swing.mcap", left.robot)
-    patience = {"inhibitor": {"state_timeout": 0.3}}
-    left.launch(LAUNCH / "replay.launch.xml", patience, bag=str(bag), namespace="/left")
+    timeout = {"inhibitor": {"state_timeout": 0.3}}
+    left.launch(LAUNCH / "replay.launch.xml", timeout, bag=str(bag), namespace="/left")
     analyse = left.processes.pop("analyse")
     left.wait_for_state("inhibitor", State.PRIMARY_STATE_ACTIVE)
     soon = stamp(REST_SEC - 3.0).sec

@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ from fastswing_msgs.srv import ArmInhibitor
 from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
+from fastswing_planner.cdr.stamps import to_ns
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI
@@ -130,15 +131,32 @@ def play(suite: "Suite") -> Iterator[Callable[..., Player]]:
         yield begin
 
 
+def write_states(
+    path: Path,
+    states: Sequence[tuple[int, JointState]],
+    robot: Robot | None = None,
+    statuses: Sequence[InhibitionStatus] = (),
+) -> None:
+    """Write joint states into a bag; with a robot also its plan, and what was decided."""
+    bag = new_bag(path)
+    if robot is not None:
+        end = robot.postures["end"].tolist()
+        plan = SwingPlan(joint_name=robot.model.joint_names, end_position=end)
+        put(bag, "/swing_plan", plan, START_NS)
+    for time_ns, message in states:
+        put(bag, "/joint_states", message, time_ns)
+    for status in statuses:
+        time = status.header.stamp
+        put(bag, "/inhibition_status", status, to_ns(time.sec, time.nanosec))
+    bag.close()
+
+
 def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
     suite: "Suite", play: Callable[..., Player], tmp_path: Path
 ) -> None:
     robot = load_robot(MUSASHI)
     states = joint_states(robot)
-    bag = new_bag(tmp_path / "states.mcap")
-    for time_ns, message in states:
-        put(bag, "/joint_states", message, time_ns)
-    bag.close()
+    write_states(tmp_path / "states.mcap", states)
     statuses: list[InhibitionStatus] = []
     suite.node.create_subscription(InhibitionStatus, "inhibition_status", statuses.append, 1000)
     suite.start("inhibitor", use_sim_time=True, state_timeout=SETTINGS.state_timeout)
@@ -168,17 +186,7 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
     assert statuses[-1].reason == InhibitionStatus.REASON_GOAL_REACHED
     assert player.clock_ns == sorted(player.clock_ns)
 
-    again = new_bag(tmp_path / "decided.mcap")
-    plan = SwingPlan(
-        joint_name=robot.model.joint_names, end_position=robot.postures["end"].tolist()
-    )
-    put(again, "/swing_plan", plan, START_NS)
-    for time_ns, message in states:
-        put(again, "/joint_states", message, time_ns)
-    for status in statuses:
-        time_ns = status.header.stamp.sec * 1_000_000_000 + status.header.stamp.nanosec
-        put(again, "/inhibition_status", status, time_ns)
-    again.close()
+    write_states(tmp_path / "decided.mcap", states, robot, statuses)
     decided = open_bag(tmp_path / "decided.mcap")
     found = replay(decided, robot.model, robot.limits.velocity, SETTINGS)
     (swing,) = found.swings

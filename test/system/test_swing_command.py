@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from test.system.suite import Suite
 
 
-_PATIENCE_SEC = 120.0
+_TIMEOUT_SEC = 120.0
 
 
 @contextmanager
@@ -35,7 +35,7 @@ def running(suite: "Suite", *arguments: str) -> Iterator["subprocess.Popen[str]"
 def swing(suite: "Suite", *arguments: str) -> tuple[int, str]:
     """Run it to its end; return the exit code and what it printed."""
     with running(suite, *arguments) as process:
-        text, _ = process.communicate(timeout=_PATIENCE_SEC)
+        text, _ = process.communicate(timeout=_TIMEOUT_SEC)
         return process.returncode, text
 
 
@@ -56,7 +56,7 @@ def test_ctrl_c_cancels_and_the_arm_holds(all_nodes: "Suite") -> None:
             if line.strip() == "raise":
                 break
         process.send_signal(signal.SIGINT)
-        text, _ = process.communicate(timeout=_PATIENCE_SEC)
+        text, _ = process.communicate(timeout=_TIMEOUT_SEC)
     assert process.returncode == 1
     assert "swing: CANCELED: canceled by the client; the arm holds where it is" in text
     assert set(all_nodes.fresh_muscles().mode) == {MuscleState.MODE_LENGTH}

@@ -143,18 +143,31 @@ def _message_class(type_name: str) -> Any:
         raise NotReady(f"message {type_name} is not installed; source its workspace") from error
 
 
-def publish(options: argparse.Namespace) -> int:
-    """Publish a bag until its end, SIGINT or SIGTERM; returns 0. Raises PlannerError."""
-    bag = open_bag(*options.bag)
-    chosen = chosen_topics(bag, options.topic)
+def publishable(bag: Bag, named: list[str] | None) -> tuple[list[str], str]:
+    """Return the topics to publish, and a warning of those that cannot be; empty if all can.
+
+    named  the topics asked for; None: the states
+
+    Raises PlannerError if one that is asked for cannot be published, or none can.
+    """
+    chosen = chosen_topics(bag, named)
     changed = changed_topics(bag, chosen)
     topics = [name for name in chosen if name not in changed]
+    if not changed:
+        return topics, ""
     warning = (
         f"{', '.join(changed)} cannot be published: recorded with other fields than the installed "
         "messages have"
     )
-    if changed and (options.topic or not topics):
+    if named or not topics:
         raise NotReady(warning)
+    return topics, warning
+
+
+def publish(options: argparse.Namespace) -> int:
+    """Publish a bag until its end, SIGINT or SIGTERM; returns 0. Raises PlannerError."""
+    bag = open_bag(*options.bag)
+    topics, warning = publishable(bag, options.topic)
     part = window(bag, options.start, options.duration)
     ReplayClock(0, options.rate)
     stopped: list[int] = []
@@ -167,26 +180,31 @@ def publish(options: argparse.Namespace) -> int:
     rclpy.init(args=["replay", *options.ros_args], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = ReplayNode(bag, topics, part, options.rate)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-
-        def spin(seconds: float) -> bool:
-            executor.spin_once(timeout_sec=seconds)
-            return not stopped
-
-        if not options.paused:
-            node.clock.resume(time.monotonic())
-        if changed:
+        if warning:
             node.get_logger().warning(warning)
         node.get_logger().info(f"publishing {', '.join(topics)}")
-        while not stopped:
-            count = node.play(spin)
-            node.get_logger().info(f"{count} messages published")
-            if not options.loop:
-                break
+        if not options.paused:
+            node.clock.resume(time.monotonic())
+        _play(node, stopped, options.loop)
         node.destroy_node()
     except ExternalShutdownException:
         pass
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _play(node: ReplayNode, stopped: list[int], loop: bool) -> None:
+    """Play once, or again and again, until `stopped` has a signal."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def spin(seconds: float) -> bool:
+        executor.spin_once(timeout_sec=seconds)
+        return not stopped
+
+    while not stopped:
+        count = node.play(spin)
+        node.get_logger().info(f"{count} messages published")
+        if not loop:
+            break

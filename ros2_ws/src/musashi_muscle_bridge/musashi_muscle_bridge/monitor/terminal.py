@@ -16,7 +16,7 @@ _ENTER = b"\x1b[?1049h\x1b[?25l"  # the other screen, without a cursor
 _LEAVE = b"\x1b[0m\x1b[?25h\x1b[?1049l"
 _USUAL_SIZE = 80, 24
 _FRAMES_UNTIL_ANEW = 50
-_PATIENCE_SEC = 1.0
+_TIMEOUT_SEC = 1.0
 _INPUT, _OUTPUT, _ERRORS = 0, 1, 2
 _DISABLED = b"\x00"
 
@@ -68,9 +68,9 @@ class Terminal:
         atexit.unregister(self.close)
         logged = b"".join(_give_back(number, *kept) for number, kept in self._kept.items())
         self._pending += _LEAVE + logged
-        deadline = time.monotonic() + _PATIENCE_SEC
+        deadline = time.monotonic() + _TIMEOUT_SEC
         while self._pending and time.monotonic() < deadline:
-            select.select([], [self._screen], [], _PATIENCE_SEC / 10)
+            select.select([], [self._screen], [], _TIMEOUT_SEC / 10)
             self._flush()
         os.close(self._screen)
         with contextlib.suppress(termios.error):

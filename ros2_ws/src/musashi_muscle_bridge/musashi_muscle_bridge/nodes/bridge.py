@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.clock import Clock
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -244,24 +245,12 @@ class BridgeNode(ManagedNode):
 
     def _publish(self, measured: Measurement) -> None:
         self._measured = measured
-        stamp = self._stamp(measured.received)
+        stamp = stamp_at(self.get_clock(), measured.received)
         # What is not measured now is not told: whoever needs it notices its age. Joints first: the
         # inhibitor waits for them.
         if measured.joints_fresh:
             self._joint_state.publish(self._messages.joint_state(stamp, measured))
         self._muscle_state.publish(self._messages.muscle_state(stamp, measured, self._holds))
-
-    def _stamp(self, received: float) -> Stamp:
-        """Return the node's time at the monotonic time `received` [s]."""
-        clock = self.get_clock()
-        for _ in range(_CLOCK_READINGS):
-            now, monotonic = clock.now().nanoseconds, time.monotonic()
-            # Somebody else may have computed between the two: read them again.
-            if abs(now - clock.now().nanoseconds) < _CLOCK_READING_NS:
-                break
-        # A simulated clock may not have begun yet.
-        made = max(now - round((monotonic - received) * 1e9), 0)
-        return from_ns(made)
 
     # Diagnostics.
 
@@ -286,6 +275,17 @@ class BridgeNode(ManagedNode):
                 self._tally,
             )
         )
+
+
+def stamp_at(clock: Clock, received: float) -> Stamp:
+    """Return a clock's time at the monotonic time `received` [s]."""
+    for _ in range(_CLOCK_READINGS):
+        now, monotonic = clock.now().nanoseconds, time.monotonic()
+        # Somebody else may have computed between the two: read them again.
+        if abs(now - clock.now().nanoseconds) < _CLOCK_READING_NS:
+            break
+    # A simulated clock may not have begun yet.
+    return from_ns(max(now - round((monotonic - received) * 1e9), 0))
 
 
 def main() -> int:

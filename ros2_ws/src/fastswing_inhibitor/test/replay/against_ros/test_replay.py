@@ -103,23 +103,14 @@ def write(path: Path, case: Case, change: Change = lambda number, topic, message
         mask=case.mask,
     )
     put(0, "/swing_plan", plan, START_NS - 1000)
-    inhibition = Inhibition(ARM, LIMIT, InhibitionSettings())
-    inhibition.see(0.0)
-    protected = np.array(case.protected)
-    inhibition.arm(Arming(frozen(case.goal), case.threshold, protected, 100.0, 0.0))
+    inhibition = armed_for(case)
     nothing = Decision((False,) * 3, (math.nan,) * 3, False, Reason.NONE)
     put(0, "/inhibition_status", status(START_NS, inhibition, nothing), START_NS)
     for number, (position, velocity) in enumerate(
         zip(case.positions, case.velocities, strict=True), 1
     ):
         time_ns = START_NS + number * PERIOD_NS
-        state = JointState(
-            header=stamp(time_ns),
-            name=["j1", "other", "j0"],  # the bag's own order
-            position=[position[1], 0.0, position[0]],
-            velocity=[velocity[1], 0.0, velocity[0]],
-        )
-        put(number, "/joint_states", state, time_ns)
+        put(number, "/joint_states", shuffled(time_ns, position, velocity), time_ns)
         time = (time_ns - START_NS) * 1e-9
         made = inhibition.decide(JointNumbers(time, position, velocity))
         message = status(time_ns, inhibition, made)
@@ -130,6 +121,24 @@ def write(path: Path, case: Case, change: Change = lambda number, topic, message
             break
     bag.close()
     return path
+
+
+def armed_for(case: Case) -> Inhibition:
+    inhibition = Inhibition(ARM, LIMIT, InhibitionSettings())
+    inhibition.see(0.0)
+    protected = np.array(case.protected)
+    inhibition.arm(Arming(frozen(case.goal), case.threshold, protected, 100.0, 0.0))
+    return inhibition
+
+
+def shuffled(time_ns: int, position: Sequence[float], velocity: Sequence[float]) -> JointState:
+    """Return a joint state in the bag's own order."""
+    return JointState(
+        header=stamp(time_ns),
+        name=["j1", "other", "j0"],
+        position=[position[1], 0.0, position[0]],
+        velocity=[velocity[1], 0.0, velocity[0]],
+    )
 
 
 def status(time_ns: int, inhibition: Inhibition, made: Decision) -> InhibitionStatus:
