@@ -23,8 +23,8 @@ from fastswing_inhibitor.inhibition import InhibitionSettings, Reason
 from fastswing_inhibitor.replay.replay import replay
 from fastswing_msgs.msg import ErrorCode, InhibitionStatus, SwingPlan
 from fastswing_msgs.srv import ArmInhibitor
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.metadata import BagTopic
-from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.description import Robot, load_robot

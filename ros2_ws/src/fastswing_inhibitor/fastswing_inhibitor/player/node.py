@@ -18,7 +18,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from fastswing_inhibitor.player.clock import ReplayClock, Window, messages_in_order, window
-from fastswing_planner.bags.reader import Bag, Topic, open_bag
+from fastswing_planner.bags import Bag, Topic, open_bag
 from fastswing_planner.cdr.schema import parse_ros2msg
 from fastswing_planner.cdr.stamps import from_ns
 from fastswing_planner.conversion.definitions import definition_text

@@ -11,7 +11,7 @@ from fastswing_inhibitor.inhibition import InhibitionSettings
 from fastswing_inhibitor.replay.replay import replay
 from fastswing_inhibitor.replay.result import WhatIf
 from fastswing_inhibitor.replay.text import replay_text
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.planning.task import checked_threshold

@@ -31,7 +31,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType
 
 import fastswing_planner
-from fastswing_planner.bags.reader import Bag, BagError, open_bag
+from fastswing_planner.bags import Bag, BagError, open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.cdr.columns import Columns
 from fastswing_planner.errors import UndecodableMessage
@@ -580,7 +580,7 @@ READ_ALONE = """
 import sys
 for package in "rclpy ament_index_python sensor_msgs mcap_ros2 rosbags pandas pyarrow".split():
     sys.modules[package] = None
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 print(open_bag(sys.argv[1]).columns("/joint_states")["position"].sum())
 """
 

@@ -19,7 +19,7 @@ from bag_builder import (
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.table import MissingLibrary, data_frame, flat_columns, write_table
 from fastswing_planner.commands.export_bag import main
 

@@ -32,8 +32,8 @@ from fastswing_inhibitor.replay.result import Replay, WhatIf
 from fastswing_inhibitor.replay.text import replay_text
 from fastswing_msgs.msg import CurrentOverride, InhibitionStatus, SwingPlan
 from fastswing_planner.arrays import Vector, frozen
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.metadata import BagTopic
-from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.limits import muscle_limits
