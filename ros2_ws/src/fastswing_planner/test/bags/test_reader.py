@@ -23,6 +23,7 @@ from bag_builder import (
     folder_of,
     joint_state,
     text,
+    write_idl_beside_joints,
     write_joints,
 )
 from hypothesis import given
@@ -356,17 +357,15 @@ def test_topics_of_unknown_encoding_are_no_obstacle(tmp_path: Path) -> None:
 
 
 def test_a_topic_with_an_idl_definition_is_listed_and_refused_in_one_line(tmp_path: Path) -> None:
-    idl = "module std_msgs { module msg { struct String { string data; }; }; };"
-    with Builder(tmp_path / "a.mcap") as bag:
-        bag.topic("/text", STRING_NAME, idl, "ros2idl")
-        bag.write("/text", text("hello"), START)
-    opened = open_bag(tmp_path / "a.mcap")
+    opened = open_bag(write_idl_beside_joints(tmp_path / "a.mcap"))
     assert (opened.topics["/text"].encoding, opened.topics["/text"].message_count) == ("ros2idl", 1)
-    with pytest.raises(UndecodableMessage) as caught:
-        opened.columns("/text")
-    assert str(caught.value) == (
-        "/text is 'cdr' with a definition in 'ros2idl'; only cdr with ros2msg can be read"
-    )
+    assert positions(opened) == [5.0]
+    for read in (opened.columns, opened.fields, lambda topic: next(opened.messages(topic))):
+        with pytest.raises(UndecodableMessage) as caught:
+            read("/text")
+        assert str(caught.value) == (
+            "/text is 'cdr' with a definition in 'ros2idl'; only cdr with ros2msg can be read"
+        )
 
 
 # However it ended.
