@@ -180,7 +180,7 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
         put(again, "/inhibition_status", status, time_ns)
     again.close()
     decided = open_bag(tmp_path / "decided.mcap")
-    found = replay(decided, robot.model, robot.limits.velocity, SETTINGS)
+    found = replay(decided, robot.model, robot.limits.velocity, settings=SETTINGS)
     (swing,) = found.swings
     assert swing.first_difference is None
     assert len(swing.decisions) > SWING_SEC * 100

@@ -52,7 +52,14 @@ def _replay(options: argparse.Namespace) -> int:
         **{row.name: getattr(options, row.name) for row in fields(InhibitionSettings)}
     )
     what_if = WhatIf(options.threshold, options.velocity_limit)
-    found = replay(bag, robot.model, robot.limits.velocity, settings, what_if, options.prefix)
+    found = replay(
+        bag,
+        robot.model,
+        robot.limits.velocity,
+        settings=settings,
+        what_if=what_if,
+        prefix=options.prefix,
+    )
     changed = _changes(options)
     say(replay_text(found, bag.start_ns, changed))
     for line in bag.warnings:

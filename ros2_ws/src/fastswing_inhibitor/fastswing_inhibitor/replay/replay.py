@@ -42,6 +42,7 @@ def replay(
     bag: Bag,
     model: MuscleModel,
     velocity_limit: Vector,
+    *,
     settings: InhibitionSettings | None = None,
     what_if: WhatIf | None = None,
     prefix: str = "",
