@@ -18,49 +18,13 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from fastswing_inhibitor.player.clock import ReplayClock, Window, messages_in_order, window
+from fastswing_inhibitor.player.topics import playable_topics
 from fastswing_planner.bags import Bag, Topic, open_bag
-from fastswing_planner.cdr.schema import parse_ros2msg
 from fastswing_planner.cdr.stamps import from_ns
-from fastswing_planner.conversion.definitions import definition_text
-from fastswing_planner.errors import NotReady, UnknownName
-
-STATES = (
-    "sensor_msgs/msg/JointState",
-    "fastswing_msgs/msg/MuscleState",
-    "fastswing_msgs/msg/SwingPlan",
-)
-"""Types that are published unless topics are named: what the robot and the executor say. Never of
-themselves commands or overrides, which would move an arm that listens."""
+from fastswing_planner.errors import NotReady
 
 _CLOCK_PERIOD_SEC = 0.01
 _LONGEST_WAIT_SEC = 0.05
-
-
-def chosen_topics(bag: Bag, named: list[str] | None) -> list[str]:
-    """Return the topics to publish; raises UnknownName for one that the bag does not have."""
-    for name in named or ():
-        if name not in bag.topics:
-            raise UnknownName(f"the bag has no topic {name}; it has: {', '.join(bag.topics)}")
-    chosen = named or [name for name, topic in bag.topics.items() if topic.type in STATES]
-    if not chosen:
-        raise NotReady("nothing to publish: the bag has no states; name topics with --topic")
-    return chosen
-
-
-def changed_topics(bag: Bag, topics: list[str]) -> list[str]:
-    """Return those whose messages have other fields than the installed type.
-
-    Listeners would misread the recorded bytes. Raises UnknownMessageType, UndecodableMessage.
-    """
-    installed = {
-        name: parse_ros2msg(bag.topics[name].type, definition_text(bag.topics[name].type))
-        for name in topics
-    }
-    return [
-        name
-        for name, schema in installed.items()
-        if any(recorded.types != schema.types for recorded in bag.schemas(name))
-    ]
 
 
 def qos_of(topic: Topic) -> QoSProfile:
@@ -146,15 +110,7 @@ def _message_class(type_name: str) -> Any:
 def publish(options: argparse.Namespace) -> int:
     """Publish a bag until its end, SIGINT or SIGTERM; returns 0. Raises PlannerError."""
     bag = open_bag(*options.bag)
-    chosen = chosen_topics(bag, options.topic)
-    changed = changed_topics(bag, chosen)
-    topics = [name for name in chosen if name not in changed]
-    warning = (
-        f"{', '.join(changed)} cannot be published: recorded with other fields than the installed "
-        "messages have"
-    )
-    if changed and (options.topic or not topics):
-        raise NotReady(warning)
+    chosen = playable_topics(bag, options.topic)
     part = window(bag, options.start, options.duration)
     ReplayClock(0, options.rate)
     stopped: list[int] = []
@@ -166,27 +122,32 @@ def publish(options: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, on_signal)
     rclpy.init(args=["replay", *options.ros_args], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = ReplayNode(bag, topics, part, options.rate)
-        executor = SingleThreadedExecutor()
-        executor.add_node(node)
-
-        def spin(seconds: float) -> bool:
-            executor.spin_once(timeout_sec=seconds)
-            return not stopped
-
+        node = ReplayNode(bag, chosen.names, part, options.rate)
         if not options.paused:
             node.clock.resume(time.monotonic())
-        if changed:
-            node.get_logger().warning(warning)
-        node.get_logger().info(f"publishing {', '.join(topics)}")
-        while not stopped:
-            count = node.play(spin)
-            node.get_logger().info(f"{count} messages published")
-            if not options.loop:
-                break
+        if chosen.warning:
+            node.get_logger().warning(chosen.warning)
+        node.get_logger().info(f"publishing {', '.join(chosen.names)}")
+        _play(node, options.loop, stopped)
         node.destroy_node()
     except ExternalShutdownException:
         pass
     finally:
         rclpy.try_shutdown()
     return 0
+
+
+def _play(node: ReplayNode, loop: bool, stopped: list[int]) -> None:
+    """Publish the part once or, in a loop, until a signal is in `stopped`."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def spin(seconds: float) -> bool:
+        executor.spin_once(timeout_sec=seconds)
+        return not stopped
+
+    while not stopped:
+        count = node.play(spin)
+        node.get_logger().info(f"{count} messages published")
+        if not loop:
+            break
