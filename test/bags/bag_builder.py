@@ -94,6 +94,16 @@ def write_joints(path: Path, count: int = 100, start_ns: int = START, **options:
     return path
 
 
+def write_idl_beside_joints(path: Path) -> Path:
+    """Write a joint state at 5 rad, and a topic whose type is defined in OMG IDL."""
+    definition = "module std_msgs { module msg { struct String { string data; }; }; };\n"
+    with Builder(path) as bag:
+        bag.joints().topic("/text", STRING_NAME, definition, "ros2idl")
+        bag.write("/text", text("hello"), START)
+        bag.write("/joint_states", joint_state([5.0]), START)
+    return path
+
+
 def folder_of(folder: Path, names: Sequence[str]) -> Path:
     """Write the metadata.yaml of a folder of bags, as far as it is read."""
     content = {"rosbag2_bagfile_information": {"relative_file_paths": list(names)}}

@@ -13,8 +13,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from fastswing_msgs.msg import CurrentOverride, MuscleState
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.metadata import BagTopic
-from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.conversion.definitions import definition_text
 

@@ -25,7 +25,7 @@ from fastswing_inhibitor.replay.replay import replay
 from fastswing_msgs.msg import MuscleState
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.reading import read_recordings
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.conversion.definitions import definition_text
 from fastswing_planner.robot.description import load_robot
 from fastswing_planner.robot.path import MUSASHI

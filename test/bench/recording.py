@@ -13,7 +13,7 @@ from bag_reading import TYPES, samples
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from fastswing_msgs.msg import InhibitionStatus
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.nodes.recorded_topics import message_class
 
 RATE_HZ = 1000.0

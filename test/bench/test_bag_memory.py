@@ -9,7 +9,7 @@ from bag_reading import write_bag
 # The last lines of the program: peak memory [MB] after streaming a bag.
 STREAM = """
 import resource, sys
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 count = 0
 for part in open_bag(sys.argv[1]).stream("/joint_states"):
     count += part["position"].shape[0]

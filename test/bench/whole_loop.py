@@ -30,7 +30,7 @@ from std_msgs.msg import Header
 
 from fastswing_msgs.msg import ErrorCode, LengthCommand
 from fastswing_msgs.srv import ArmInhibitor, PlanSwing
-from fastswing_planner.bags.reader import Bag, open_bag
+from fastswing_planner.bags import Bag, open_bag
 from fastswing_planner.execution.posture_path import encoder_lengths
 from fastswing_planner.robot.description import Robot, load_robot
 from fastswing_planner.robot.path import MUSASHI

@@ -19,7 +19,7 @@ from mcap_ros2.decoder import DecoderFactory
 from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.measuring import measure_swings
 from fastswing_planner.analysis.reading import read_recordings
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.execution.figures import SwingFigures
 from fastswing_planner.execution.settings import ExecutionSettings
 from fastswing_planner.planning.planner import SwingPlanner

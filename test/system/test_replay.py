@@ -23,8 +23,8 @@ from fastswing_inhibitor.inhibition import InhibitionSettings, Reason
 from fastswing_inhibitor.replay.replay import replay
 from fastswing_msgs.msg import ErrorCode, InhibitionStatus, SwingPlan
 from fastswing_msgs.srv import ArmInhibitor
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.metadata import BagTopic
-from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagWriter
 from fastswing_planner.cdr.stamps import to_ns
 from fastswing_planner.conversion.definitions import definition_text
@@ -188,7 +188,7 @@ def test_a_live_inhibitor_decides_on_a_bag_as_its_replay_does(
 
     write_states(tmp_path / "decided.mcap", states, robot, statuses)
     decided = open_bag(tmp_path / "decided.mcap")
-    found = replay(decided, robot.model, robot.limits.velocity, SETTINGS)
+    found = replay(decided, robot.model, robot.limits.velocity, settings=SETTINGS)
     (swing,) = found.swings
     assert swing.first_difference is None
     assert len(swing.decisions) > SWING_SEC * 100

@@ -12,7 +12,7 @@ from lifecycle_msgs.msg import State
 from processes import free_udp_port
 
 from fastswing_msgs.msg import CurrentOverride, ErrorCode, LengthCommand, MuscleState, SwingOptions
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 
 if TYPE_CHECKING:
     from test.system.suite import Suite

@@ -4,7 +4,7 @@ import heapq
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags import Bag
 from fastswing_planner.errors import InvalidLimit
 
 

@@ -18,49 +18,13 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool
 
 from fastswing_inhibitor.player.clock import ReplayClock, Window, messages_in_order, window
-from fastswing_planner.bags.reader import Bag, Topic, open_bag
-from fastswing_planner.cdr.schema import parse_ros2msg
+from fastswing_inhibitor.player.topics import playable_topics
+from fastswing_planner.bags import Bag, Topic, open_bag
 from fastswing_planner.cdr.stamps import from_ns
-from fastswing_planner.conversion.definitions import definition_text
-from fastswing_planner.errors import NotReady, UnknownName
-
-STATES = (
-    "sensor_msgs/msg/JointState",
-    "fastswing_msgs/msg/MuscleState",
-    "fastswing_msgs/msg/SwingPlan",
-)
-"""Types that are published unless topics are named: what the robot and the executor say. Never of
-themselves commands or overrides, which would move an arm that listens."""
+from fastswing_planner.errors import NotReady
 
 _CLOCK_PERIOD_SEC = 0.01
 _LONGEST_WAIT_SEC = 0.05
-
-
-def chosen_topics(bag: Bag, named: list[str] | None) -> list[str]:
-    """Return the topics to publish; raises UnknownName for one that the bag does not have."""
-    for name in named or ():
-        if name not in bag.topics:
-            raise UnknownName(f"the bag has no topic {name}; it has: {', '.join(bag.topics)}")
-    chosen = named or [name for name, topic in bag.topics.items() if topic.type in STATES]
-    if not chosen:
-        raise NotReady("nothing to publish: the bag has no states; name topics with --topic")
-    return chosen
-
-
-def changed_topics(bag: Bag, topics: list[str]) -> list[str]:
-    """Return those whose messages have other fields than the installed type.
-
-    Listeners would misread the recorded bytes. Raises UnknownMessageType, UndecodableMessage.
-    """
-    installed = {
-        name: parse_ros2msg(bag.topics[name].type, definition_text(bag.topics[name].type))
-        for name in topics
-    }
-    return [
-        name
-        for name, schema in installed.items()
-        if any(recorded.types != schema.types for recorded in bag.schemas(name))
-    ]
 
 
 def qos_of(topic: Topic) -> QoSProfile:
@@ -143,31 +107,10 @@ def _message_class(type_name: str) -> Any:
         raise NotReady(f"message {type_name} is not installed; source its workspace") from error
 
 
-def publishable(bag: Bag, named: list[str] | None) -> tuple[list[str], str]:
-    """Return the topics to publish, and a warning of those that cannot be; empty if all can.
-
-    named  the topics asked for; None: the states
-
-    Raises PlannerError if one that is asked for cannot be published, or none can.
-    """
-    chosen = chosen_topics(bag, named)
-    changed = changed_topics(bag, chosen)
-    topics = [name for name in chosen if name not in changed]
-    if not changed:
-        return topics, ""
-    warning = (
-        f"{', '.join(changed)} cannot be published: recorded with other fields than the installed "
-        "messages have"
-    )
-    if named or not topics:
-        raise NotReady(warning)
-    return topics, warning
-
-
 def publish(options: argparse.Namespace) -> int:
     """Publish a bag until its end, SIGINT or SIGTERM; returns 0. Raises PlannerError."""
     bag = open_bag(*options.bag)
-    topics, warning = publishable(bag, options.topic)
+    chosen = playable_topics(bag, options.topic)
     part = window(bag, options.start, options.duration)
     ReplayClock(0, options.rate)
     stopped: list[int] = []
@@ -179,13 +122,13 @@ def publish(options: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, on_signal)
     rclpy.init(args=["replay", *options.ros_args], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = ReplayNode(bag, topics, part, options.rate)
-        if warning:
-            node.get_logger().warning(warning)
-        node.get_logger().info(f"publishing {', '.join(topics)}")
+        node = ReplayNode(bag, chosen.names, part, options.rate)
         if not options.paused:
             node.clock.resume(time.monotonic())
-        _play(node, stopped, options.loop)
+        if chosen.warning:
+            node.get_logger().warning(chosen.warning)
+        node.get_logger().info(f"publishing {', '.join(chosen.names)}")
+        _play(node, options.loop, stopped)
         node.destroy_node()
     except ExternalShutdownException:
         pass
@@ -194,8 +137,8 @@ def publish(options: argparse.Namespace) -> int:
     return 0
 
 
-def _play(node: ReplayNode, stopped: list[int], loop: bool) -> None:
-    """Play once, or again and again, until `stopped` has a signal."""
+def _play(node: ReplayNode, loop: bool, stopped: list[int]) -> None:
+    """Publish the part once or, in a loop, until a signal is in `stopped`."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
 

@@ -11,7 +11,7 @@ from fastswing_inhibitor.inhibition import InhibitionSettings
 from fastswing_inhibitor.replay.replay import replay
 from fastswing_inhibitor.replay.result import WhatIf
 from fastswing_inhibitor.replay.text import replay_text
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.planning.task import checked_threshold
@@ -52,7 +52,14 @@ def _replay(options: argparse.Namespace) -> int:
         **{row.name: getattr(options, row.name) for row in fields(InhibitionSettings)}
     )
     what_if = WhatIf(options.threshold, options.velocity_limit)
-    found = replay(bag, robot.model, robot.limits.velocity, settings, what_if, options.prefix)
+    found = replay(
+        bag,
+        robot.model,
+        robot.limits.velocity,
+        settings=settings,
+        what_if=what_if,
+        prefix=options.prefix,
+    )
     changed = _changes(options)
     say(replay_text(found, bag.start_ns, changed))
     for line in bag.warnings:

@@ -9,7 +9,7 @@ import numpy as np
 from fastswing_inhibitor.inhibition import Reason
 from fastswing_inhibitor.replay.recorded import OVERRIDE_TYPE, Status
 from fastswing_inhibitor.replay.result import Told
-from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags import Bag
 from fastswing_planner.bags.robot_topics import robot_topics
 from fastswing_planner.robot.muscle_model import MuscleModel
 

@@ -10,7 +10,7 @@ import numpy as np
 from fastswing_inhibitor.inhibition import Reason
 from fastswing_inhibitor.replay.result import Told
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags import Bag
 from fastswing_planner.bags.robot_topics import robot_topic, robot_topics
 from fastswing_planner.cdr.columns import Column
 from fastswing_planner.cdr.plan_fields import PlanFields

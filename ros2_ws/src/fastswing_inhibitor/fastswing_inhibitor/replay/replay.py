@@ -30,7 +30,7 @@ from fastswing_inhibitor.replay.recorded import (
 )
 from fastswing_inhibitor.replay.result import Compared, Replay, ReplayedSwing, Told, WhatIf
 from fastswing_planner.arrays import BoolVector, Vector, frozen
-from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags import Bag
 from fastswing_planner.errors import PlannerError
 from fastswing_planner.robot.muscle_model import MuscleModel
 
@@ -42,6 +42,7 @@ def replay(
     bag: Bag,
     model: MuscleModel,
     velocity_limit: Vector,
+    *,
     settings: InhibitionSettings | None = None,
     what_if: WhatIf | None = None,
     prefix: str = "",

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fastswing_planner.bags.reader import Bag, BagError
+from fastswing_planner.bags import Bag, BagError
 from fastswing_planner.bags.writer import NOTES
 
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"

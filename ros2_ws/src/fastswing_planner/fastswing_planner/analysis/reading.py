@@ -34,7 +34,7 @@ from fastswing_planner.analysis.timed_topics import (
     TimedTopics,
     topic_times,
 )
-from fastswing_planner.bags.reader import Bag, BagError
+from fastswing_planner.bags import Bag, BagError
 from fastswing_planner.bags.robot_topics import namespace_of, robot_topics
 from fastswing_planner.cdr.stamps import to_seconds
 

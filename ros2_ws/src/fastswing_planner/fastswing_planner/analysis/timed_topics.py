@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from fastswing_planner.analysis.recording import TopicTimes
 from fastswing_planner.arrays import Vector
-from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags import Bag
 from fastswing_planner.cdr.columns import Columns
 
 JOINT_STATE = "sensor_msgs/msg/JointState"

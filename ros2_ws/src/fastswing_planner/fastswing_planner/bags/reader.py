@@ -39,14 +39,12 @@ from fastswing_planner.cdr.columns import (
 from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.schema import Schema, parse_ros2msg
 from fastswing_planner.errors import (
-    BagError,
     UndecodableMessage,
     UnknownTopic,
     UnreadableBag,
     one_line,
 )
 
-__all__ = ["Bag", "BagError", "Columns", "TimeBase", "Topic", "open_bag"]
 _ENCODING = "ros2msg"
 """What rosbag2 writes of every type that has a .msg file."""
 _CHUNK = 8192

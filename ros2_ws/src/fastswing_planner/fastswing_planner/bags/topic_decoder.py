@@ -6,7 +6,8 @@ from typing import Any, Literal
 import numpy as np
 
 from fastswing_planner.cdr.batch import Messages
-from fastswing_planner.cdr.columns import ColumnDecoder, Columns, Times, field_paths
+from fastswing_planner.cdr.column_decoder import ColumnDecoder
+from fastswing_planner.cdr.columns import Columns, Times, field_paths
 from fastswing_planner.cdr.schema import Schema
 from fastswing_planner.cdr.stamps import to_ns
 from fastswing_planner.errors import NoHeader, UndecodableMessage

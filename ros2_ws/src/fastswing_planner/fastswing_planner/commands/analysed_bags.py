@@ -8,7 +8,7 @@ from fastswing_planner.analysis.finding import FindingSettings
 from fastswing_planner.analysis.findings import BagFindings, examine
 from fastswing_planner.analysis.measured_swing import MeasuredSwing
 from fastswing_planner.analysis.reading import read_recordings
-from fastswing_planner.bags.reader import BagError, open_bag
+from fastswing_planner.bags import BagError, open_bag
 
 
 @dataclass(frozen=True)

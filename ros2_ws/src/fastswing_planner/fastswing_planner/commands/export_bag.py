@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from fastswing_planner.bags.reader import Bag, open_bag
+from fastswing_planner.bags import Bag, open_bag
 from fastswing_planner.bags.table import FORMATS, write_table
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import BagError, NoHeader, UndecodableMessage, one_line

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from fastswing_planner.arrays import Matrix
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.command_line import say
 from fastswing_planner.errors import InvalidRequest, PlannerError, RobotDescriptionError
 from fastswing_planner.learning.fitting import fit_correction

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fastswing_planner.arrays import BoolMatrix, Matrix, Vector
-from fastswing_planner.bags.reader import Bag
+from fastswing_planner.bags import Bag
 from fastswing_planner.bags.robot_topics import robot_topic
 from fastswing_planner.cdr.columns import Columns
 from fastswing_planner.errors import BagError, UnknownTopic

@@ -11,9 +11,9 @@ import yaml
 from bag_builder import JOINT_STATE, JOINT_STATE_NAME, SECOND, START, joint_state
 from rosbags.rosbag2 import Reader
 
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.folder import BagFolder
 from fastswing_planner.bags.metadata import BagTopic
-from fastswing_planner.bags.reader import open_bag
 from fastswing_planner.bags.writer import BagExists
 from fastswing_planner.errors import BagError
 

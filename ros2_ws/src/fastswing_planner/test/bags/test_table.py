@@ -14,12 +14,13 @@ from bag_builder import (
     Builder,
     joint_state,
     text,
+    write_idl_beside_joints,
     write_joints,
 )
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.table import MissingLibrary, data_frame, flat_columns, write_table
 from fastswing_planner.commands.export_bag import main
 
@@ -110,6 +111,19 @@ def test_a_topic_without_header_is_left_out_of_tables_by_header(
     complaint = "/a (std_msgs/msg/String) has no header: use the time base log or publish\n"
     assert capsys.readouterr().err == f"left out: {complaint}"
     assert main([*arguments, "--topic", "/a"]) == 2
+    assert capsys.readouterr().err == f"export_bag: {complaint}"
+
+
+def test_a_topic_with_an_idl_definition_is_left_out_of_tables(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write_idl_beside_joints(tmp_path / "a.mcap")
+    arguments = [str(path), "-o", str(tmp_path / "o")]
+    assert main(arguments) == 0
+    assert [path.name for path in (tmp_path / "o").iterdir()] == ["joint_states.csv"]
+    complaint = "/text is 'cdr' with a definition in 'ros2idl'; only cdr with ros2msg can be read\n"
+    assert capsys.readouterr().err == f"left out: {complaint}"
+    assert main([*arguments, "--topic", "/text"]) == 2
     assert capsys.readouterr().err == f"export_bag: {complaint}"
 
 

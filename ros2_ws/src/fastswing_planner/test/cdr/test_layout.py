@@ -14,7 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from fastswing_planner.cdr.batch import Messages
-from fastswing_planner.cdr.columns import ColumnDecoder
+from fastswing_planner.cdr.column_decoder import ColumnDecoder
 from fastswing_planner.cdr.layout import decode
 from fastswing_planner.cdr.primitives import PRIMITIVE_SIZE, is_message
 from fastswing_planner.cdr.schema import parse_ros2msg

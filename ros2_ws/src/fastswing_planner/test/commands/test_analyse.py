@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bag_builder import START, Builder, joint_state
 from bag_of_swings import EPOCH_NS, TYPES, BagOfSwings, stamp
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import serialize_message
@@ -269,7 +270,18 @@ def wrong_type(path: Path) -> str:
     )
 
 
-@pytest.mark.parametrize("make", [noise, empty_file, no_file, empty_bag, foreign_bag, wrong_type])
+def idl_bag(path: Path) -> str:
+    with Builder(path) as made:
+        made.topic("/joint_states", "sensor_msgs/msg/JointState", "module {};", "ros2idl")
+        made.write("/joint_states", joint_state([1.0]), START)
+    return (
+        "/joint_states is 'cdr' with a definition in 'ros2idl'; only cdr with ros2msg can be read"
+    )
+
+
+@pytest.mark.parametrize(
+    "make", [noise, empty_file, no_file, empty_bag, foreign_bag, wrong_type, idl_bag]
+)
 def test_a_bag_without_an_arm_is_one_line_and_exit_code_2(
     make: Callable[[Path], str], analyse: Run, tmp_path: Path
 ) -> None:

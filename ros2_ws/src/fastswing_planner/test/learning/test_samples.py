@@ -8,7 +8,7 @@ import pytest
 from bag_builder import HEADER, START, TIME, Builder, joint_state, stamp
 from mcap_ros2._dynamic import serialize_dynamic
 
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.learning.samples import muscle_samples
 from fastswing_planner.robot.muscle_model import MuscleModel
 

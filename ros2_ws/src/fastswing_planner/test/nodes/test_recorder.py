@@ -33,7 +33,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from fastswing_msgs.msg import SwingPlan
-from fastswing_planner.bags.reader import open_bag
+from fastswing_planner.bags import open_bag
 from fastswing_planner.bags.writer import NOTES
 
 DOMAIN = 87

@@ -1,77 +1,22 @@
 """Bags are what rosbag2 writes, survive a killed writer, and are never overwritten."""
 
-import os
-import resource
-import signal
-import struct
-import subprocess
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import pytest
 import yaml
-from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
-from mcap.records import McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
 from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import Reader
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from written_joints import JOINTS, SECOND, joint_message, readable_positions, write_bag
 
-from fastswing_planner.bags.metadata import BagTopic, OfferedQos
+from fastswing_planner.bags.metadata import BagTopic
 from fastswing_planner.bags.writer import BagError, BagExists, BagWriter, InvalidBagPath
-from fastswing_planner.conversion.definitions import definition_text, type_hash
+from fastswing_planner.conversion.definitions import definition_text
 
-JOINTS = BagTopic(
-    "/joint_states",
-    "sensor_msgs/msg/JointState",
-    definition_text("sensor_msgs/msg/JointState"),
-    type_hash("sensor_msgs/msg/JointState"),
-    (OfferedQos(reliability="best_effort"),),
-)
 TEXT = BagTopic("/text", "std_msgs/msg/String", definition_text("std_msgs/msg/String"))
-SECOND = 1_000_000_000
-TRUNCATED = (EndOfFile, struct.error)
-"""What the stream reader raises in the middle of a record."""
-
-
-def joint_message(position: float) -> bytes:
-    return bytes(serialize_message(JointState(name=["E-p"], position=[position])))
-
-
-def write_bag(path: Path, count: int = 100, **options: object) -> BagWriter:
-    """Write `count` joint states, 10 ms apart from 1000 s on; the bag stays open."""
-    bag = BagWriter(path, **options)  # type: ignore[arg-type]
-    bag.add_topic(JOINTS)
-    for index in range(count):
-        log_time = 1000 * SECOND + index * SECOND // 100
-        bag.write("/joint_states", joint_message(index), log_time, log_time - 500, index + 1)
-    return bag
-
-
-def until_end(stream: BinaryIO) -> Iterator[McapRecord]:
-    """Yield the records before the file ends, however it ends."""
-    with suppress(*TRUNCATED):
-        yield from StreamReader(stream).records
-
-
-def readable_positions(path: Path) -> list[float]:
-    """Return what can be decoded of a bag that nobody finished."""
-    positions = []
-    decode = None
-    with open(path, "rb") as stream:
-        for record in until_end(stream):
-            if isinstance(record, Schema):
-                decode = DecoderFactory().decoder_for("cdr", record)
-            elif isinstance(record, Message):
-                assert decode is not None
-                positions.append(decode(record.data).position[0])
-    return positions
 
 
 def metadata_of(path: Path) -> dict[str, Any]:
@@ -248,91 +193,3 @@ def test_writing_to_a_closed_bag_is_an_error(tmp_path: Path) -> None:
     bag.close()
     with pytest.raises(BagError, match=r"a\.mcap is closed"):
         bag.write("/joint_states", b"", 1, 1)
-
-
-def test_what_was_flushed_is_readable_while_the_bag_is_open(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "a.mcap", 10)
-    assert readable_positions(tmp_path / "a.mcap") == []
-    bag.flush()
-    assert readable_positions(tmp_path / "a.mcap") == list(range(10))
-    bag.close()
-
-
-@pytest.mark.parametrize("compression", ["zstd", "lz4", "none"])
-def test_a_file_cut_anywhere_is_readable_up_to_its_last_chunk(
-    tmp_path: Path, compression: str
-) -> None:
-    write_bag(tmp_path / "a.mcap", 100, chunk_size=1500, compression=compression).close()
-    whole = (tmp_path / "a.mcap").read_bytes()
-    previous = 0
-    for size in range(200, len(whole), 97):
-        (tmp_path / "cut.mcap").write_bytes(whole[:size])
-        positions = readable_positions(tmp_path / "cut.mcap")
-        assert positions == list(range(len(positions)))
-        assert len(positions) >= previous
-        previous = len(positions)
-    assert previous == 100
-
-
-def test_a_cut_file_still_tells_its_metadata_version(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "a.mcap")
-    bag.flush()
-    with open(tmp_path / "a.mcap", "rb") as stream:
-        texts = [
-            record.metadata["serialized_metadata"]
-            for record in until_end(stream)
-            if isinstance(record, Metadata)
-        ]
-    assert yaml.safe_load(texts[0])["version"] == 9
-    bag.close()
-
-
-KILLED_WRITER = """
-import sys, time
-from pathlib import Path
-sys.path.insert(0, sys.argv[2])
-from test_writer import write_bag
-bag = write_bag(Path(sys.argv[1]), 100)
-bag.flush()
-bag.write("/joint_states", b"lost", 1, 1)
-print("written", flush=True)
-time.sleep(60)
-"""
-
-
-def test_a_killed_writer_loses_at_most_its_last_chunk(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    command = [sys.executable, "-c", KILLED_WRITER, str(path), str(Path(__file__).parent)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "written\n"
-        os.kill(process.pid, signal.SIGKILL)
-    assert readable_positions(path) == list(range(100))
-
-
-@contextmanager
-def disk_full_at(size: int) -> Iterator[None]:
-    """Let every write beyond `size` [bytes] of a file fail, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def test_a_full_disk_is_an_error_that_leaves_a_readable_file(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    with disk_full_at(8000), pytest.raises(BagError, match=r"cannot write .*a\.mcap: .*too large"):
-        write_bag(path, 1000, chunk_size=1500, compression="none")
-    positions = readable_positions(path)
-    assert positions == list(range(len(positions)))
-    assert len(positions) > 20
-
-
-def test_a_bag_is_closed_after_a_write_error(tmp_path: Path) -> None:
-    bag = write_bag(tmp_path / "a.mcap", 5)
-    with disk_full_at(bag.size), pytest.raises(BagError, match="readable up to there"):
-        bag.close()
-    assert bag.closed
-    assert (tmp_path / "a.mcap").stat().st_size == bag.size
