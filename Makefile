@@ -40,7 +40,7 @@ docs: build ## docs/parameters.md and the folders' picture again, and the API re
 unit: setup ## the tests without ROS, in seconds; make unit ARGS=planning for one folder
 	@.venv/bin/python scripts/run_tests.py unit $(ARGS)
 
-system: build ## all other tests, some 20 minutes; make system ARGS=nodes for one folder
+system: build ## all other tests, about 20 minutes; make system ARGS=nodes for one folder
 	@scripts/ros_env python scripts/run_tests.py system $(ARGS)
 
 test: build ## both, with more inputs for each law; make test ARGS="-k ramp" for some of them
