@@ -45,7 +45,7 @@ _READY_SEC = 60.0
 _COLD = """
 import json, sys, time
 from pathlib import Path
-from fastswing_planner.planning.plan import SwingPlanner
+from fastswing_planner.planning.planner import SwingPlanner
 from fastswing_planner.qp.solvers import solver_from
 from fastswing_planner.planning.request import SwingRequest
 from fastswing_planner.robot.description import load_robot
