@@ -117,7 +117,7 @@ def test_under_an_emergency_stop_nothing_is_pulled(
 
 def test_with_a_fault_nothing_is_pulled(world: "Suite", tmp_path: Path) -> None:
     world.start("mock_driver", dead_board="['#1']")
-    world.start("bridge")
+    world.start("bridge", watchdog_timeout=0.5)  # a stall of this machine is no fault of the others
     world.until("the fault", lambda: any(world.fresh_muscles().fault))
     run = calibrate(world, tmp_path / "found.yaml", "\n\n", "--muscles", "#6")
     assert run.returncode == 1

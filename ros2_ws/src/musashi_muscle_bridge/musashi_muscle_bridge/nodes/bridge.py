@@ -262,8 +262,11 @@ class BridgeNode(ManagedNode):
             return DiagnosticStatus.OK, "inactive", {}
         status = self._loop.status
         news, good = self._diagnosis.silence_news(status.silent, self.monotonic())
-        if news:
-            (self.get_logger().info if good else self.get_logger().error)(news)
+        # On two lines: rclpy refuses another severity from the same one.
+        if news and good:
+            self.get_logger().info(news)
+        elif news:
+            self.get_logger().error(news)
         return self._diagnosis.report(
             BridgeCondition(
                 status,
