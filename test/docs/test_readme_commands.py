@@ -36,6 +36,7 @@ LAUNCH = (
     "ros2 launch musashi_muscle_bridge robot.launch.xml bus_url:=udp://HOST:PORT "
     "robot_description:=FILE"
 )
+SWING = "ros2 run fastswing_planner swing"
 BRIDGE = "ros2 run musashi_muscle_bridge bridge --ros-args -p bus_url:=udp://HOST:PORT"
 BREAK_A_WIRE = """ros2 param set /mock_driver broken_wire "['#9']\""""
 CALL = "ros2 service call {} std_srvs/srv/Trigger"
@@ -47,16 +48,16 @@ RUN_BY = {
     "make": "test_a_clone_has_the_commands",
     "make build": "test_make_build_ends_with_0",
     "make demo": "demo/test_demo.py::test_the_demo_ends_with_0",
-    # Fitting takes minutes; what the program judges and reports is tried.
-    "make fit": "fit/test_fits.py::test_the_arm_that_is_written_is_reported_beside_the_paper",
     # This run.
     "make test": "test_make_test_runs_all_tests",
+    "make unit": "test_make_unit_needs_no_build",
     # What it would install; it is not here.
     "rosdep install": "house/test_packages.py::test_every_module_that_is_imported_is_declared",
     "ros2 run": (
         "house/test_ros2_run.py::test_it_becomes_the_executable_with_its_arguments_and_exit_code"
     ),
     "source scripts/ros_env.bash": "test_the_environment_has_the_packages",
+    SWING: "system/test_swing_command.py::test_a_swing_tells_its_phases_and_figures",
     PLAN: "test_plan_prints_what_the_readme_shows",
     LAUNCH: "test_the_launched_bridge_holds_the_arm",
     BRIDGE: "test_a_single_node_starts",
@@ -112,6 +113,12 @@ def test_a_make_target_starts_the_program_that_its_test_runs(target: str) -> Non
 
 def test_make_test_runs_all_tests() -> None:
     assert "scripts/ros_env python scripts/run_tests.py all" in dry_run("test")
+
+
+def test_make_unit_needs_no_build() -> None:
+    shown = dry_run("unit")
+    assert "scripts/run_tests.py unit" in shown
+    assert "build_workspace" not in shown
 
 
 def test_a_clone_has_the_commands(tmp_path: Path) -> None:
