@@ -10,12 +10,8 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from typing import TYPE_CHECKING
 
 from workspace_common import ROOT, WORKSPACE, WorkspaceError, run_program
-
-if TYPE_CHECKING:
-    pass
 
 SOURCE = WORKSPACE / "src"
 METADATA = ROOT / "out" / "unit"

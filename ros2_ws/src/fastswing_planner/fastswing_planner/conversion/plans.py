@@ -20,7 +20,7 @@ from fastswing_msgs.srv import PlanSwing
 from fastswing_planner.arrays import Matrix, Vector, frozen, frozen_flags
 from fastswing_planner.cdr.plan_fields import PlanFields
 from fastswing_planner.conversion.error_codes import error_code, error_from
-from fastswing_planner.errors import WrongLength
+from fastswing_planner.errors import InvalidRequest, WrongLength
 from fastswing_planner.execution.figures import SwingFigures as Figures
 from fastswing_planner.planning.mask_search import Trial, Verdict
 from fastswing_planner.planning.plan import Outcome, SwingPlan
@@ -247,6 +247,8 @@ def _trial(trial: Trial, muscle_names: Sequence[str]) -> MaskTrial:
 
 def _trial_from(message: MaskTrial, muscle_names: Sequence[str]) -> Trial:
     kept = frozen_flags([name not in message.masked_muscle for name in muscle_names])
+    if message.verdict not in _VERDICTS_BACK:
+        raise InvalidRequest(f"a mask's verdict is {message.verdict}, which is not known")
     return Trial(kept, _VERDICTS_BACK[message.verdict], message.holding_residual, message.time_cost)
 
 

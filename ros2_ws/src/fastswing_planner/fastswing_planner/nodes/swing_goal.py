@@ -253,15 +253,15 @@ class SwingGoal:
     def stop(self, error: PlannerError, now: float) -> None:
         """Have the arm held where it is, because of `error`; a plan alone has moved nothing."""
         self.error = error
-        execution, arming = self._execution, self._arming
+        execution = self._execution
+        # First: whatever fails below, the arm is waited for, and a late arming is taken back.
+        self._stopping.begin(now, execution is not None, self._arming)
         if execution is None:
-            self._stopping.begin(now, False, None)
             return
         commands = execution.stop()
         if self._stopping.hold() or execution.age(now) > self._context.settings.state_timeout:
             commands = SwingCommands(disarm=True)
         self._carry_out(commands)
-        self._stopping.begin(now, True, arming)
 
     def stopped(self, now: float) -> bool:
         """Return whether the arm is held and the inhibitor disarmed, or it is too late for that."""

@@ -66,11 +66,17 @@ def links() -> Links:
 def stopping(links: Links, moved: bool = True, arming: Call | None = None) -> Stopping:
     """Begin to stop, as a running swing does."""
     begun = Stopping(cast("ExecutorLinks", links))
+    begun.begin(NOW, moved, cast("Any", arming))
     if moved:
         begun.hold()
         begun.disarm()
-    begun.begin(NOW, moved, cast("Any", arming))
     return begun
+
+
+def test_a_stop_that_could_not_ask_the_bridge_says_so(links: Links) -> None:
+    begun = Stopping(cast("ExecutorLinks", links))
+    begun.begin(NOW, True, None)
+    assert begun.unconfirmed(None, False) == "; hold_posture is missing: is the bridge active?"
 
 
 def muscles(time: float, **states: Any) -> MuscleMeasurement:
